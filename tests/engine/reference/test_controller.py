@@ -1,6 +1,7 @@
 """The controller of one agent: the force of `control_of`, the memory of its graph, and what it refuses."""
 
 import time
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -344,6 +345,24 @@ def test_agents_at_the_border_itself_are_neighbours(graph):
     known = {"ids": [1], "q": [[2.0, 0.0]], "p": [[1.0, 0.0]]}
     assert controller(0.0, [0.0, 0.0], [3.0, 0.0], **known) == pytest.approx([-2.0, 0.0])
     assert controller.links.tolist() == [[False, True]]
+
+
+@pytest.mark.parametrize("weights", [None, fk.HashedWeights(0.5, 1.5, seed=3)], ids=["headings", "hashed"])
+def test_weights_of_pairs_take_the_memory_of_one_row(weights):
+    """Those of all pairs of 3,000 agents take 72 MB."""
+    graph = fk.Proximity(2.0) if weights is not None else fk.SmoothCone(2.0, 0.3, 1.0)
+    gain = {"weights": weights} if weights is not None else {"weighted": True}
+    law, known = fk.Law(graph, [fk.Consensus(1.0, **gain)]), {"ids": [1], "q": [[0.5, 0.0]], "p": [[1.0, 0.0]]}
+    found = []
+    for agents in (2, 3000):
+        tracemalloc.start()
+        controller = fk.Controller(law, agents=agents, headings=np.linspace(0.0, 0.5, agents) if agents == 2 else
+                                   np.r_[0.0, np.full(agents - 1, 0.5)])  # fmt: skip
+        found.append(controller(0.0, [0.0, 0.0], [0.0, 0.0], **known).tolist())
+        assert tracemalloc.get_traced_memory()[1] < 20e6
+        tracemalloc.stop()
+    assert found[0] == found[1]
+    assert 0.0 < found[0][0] < 1.5
 
 
 def test_a_call_takes_a_small_part_of_the_general_function():

@@ -224,9 +224,13 @@ class Controller:
         since = max((s for s in self._changes if s <= t), default=-np.inf)
         if since != self._since:
             self._since = since
-            P, A, W = self._layout.values(self._bodies, self.count, t)
-            self._P, self._W = P, W[:, self.agent] if len(W) else W[:, 0]
-            self._column, self._rows = A[:, [self.agent]], {}
+            single, each, weights = self._layout.numbers(self._bodies, t)
+            own, others = np.full(self.count, self.agent), np.arange(self.count)
+            # Its own row alone: a matrix of many agents takes more memory than there is.
+            rows = [w.of_pairs(own, others, self._bodies.headings, self.count) for w in weights]
+            self._P, self._W = self._layout.packed(single), np.array(rows) if rows else self._no_weights[:, 0]
+            column = [np.broadcast_to(values, self.count)[self.agent] for values in each]
+            self._column, self._rows = np.array(column)[:, None], {}
 
     def __call__(
         self, t: float, own_q: ArrayLike, own_p: ArrayLike, *, ids: ArrayLike, q: ArrayLike, p: ArrayLike,
