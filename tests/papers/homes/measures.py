@@ -227,9 +227,12 @@ def one_length():
     seen.equilibrium_at = lambda frame: none if frame < 40 else one
     assert_allclose(zhou_theorems.links_have_one_length(seen).margin, 0.02 - 0.05, atol=1e-6)
     links = np.zeros((3, 3), dtype=bool)
-    seen = evidence(law=law, equilibrium=none, t=seen.t, end_links=links, frame_links=[links] * len(seen.t))
+    seen = evidence(
+        law=law, equilibrium=none, t=seen.t, end_links=links, frame_links=[links] * len(seen.t),
+        beyond_radius_at_end=lambda: 1.5,
+    )  # fmt: skip
     found = zhou_theorems.links_have_one_length(seen)
-    assert (found.margin, found.error, found.note) == (math.inf, 0.0, "no links")
+    assert (found.margin, found.error, found.note, found.absent) == (math.inf, 0.0, "no links", 1.5)
 
 
 def mean_velocity():
