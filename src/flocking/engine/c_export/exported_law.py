@@ -20,7 +20,7 @@ from flocking.model.checks import integer, number
 from flocking.model.energy import Energy
 from flocking.model.graph_functional import averages
 from flocking.model.graphs.seen_headings import heading_column, links_at_state
-from flocking.model.graphs.views import VELOCITY, Cone
+from flocking.model.graphs.views import VELOCITY
 from flocking.model.law import Law, Scenario
 from flocking.model.state import Agents
 from flocking.model.terms.avoidance import ObstacleTerm
@@ -248,7 +248,7 @@ def exported_law(scenario: Scenario, *, neighbours: int | None = None, limit: fl
         radii = [np.broadcast_to(np.asarray(x, float), n) for x in (graph.appear_radius, graph.break_radius)]
         fixed = None if graph.moves else links[k]
         poles = bounding_poles(law, k)
-        closed = bool(getattr(graph, "closed", False)) or isinstance(graph, Cone)
+        closed = bool(getattr(graph, "closed", False))
         view = exported_view(graph, headings, n)
         graphs.append(ExportedGraph(np.stack(radii, axis=1), closed, fixed, poles, averages(law, k), view))
     control = scenario.control if isinstance(scenario.control, SafetyFilter) else None

@@ -6,7 +6,7 @@ import numpy as np
 
 from flocking.arrays import Array
 from flocking.engine.c_export.exported_law import ExportedGraph, ExportedLaw
-from flocking.engine.c_export.view_source import bit_table, view_lines
+from flocking.engine.c_export.view_source import bit_table, number_table, view_lines
 from flocking.formula.c_source import CSource
 from flocking.model.world.times import NANOSECOND
 
@@ -71,8 +71,7 @@ def _radii_table(law: ExportedLaw, number: int, c: CSource, x: str, real: str) -
     radii: Array = np.where(np.isfinite(law.graphs[number].radii), law.graphs[number].radii, -1.0)
     if (radii == radii[0]).all():
         return "", ""
-    rows = ", ".join("{ " + ", ".join(c.literal(float(v)) for v in row) + " }" for row in radii)
-    return f"static const {real} {x}radii{number}[{law.n}][2] = {{ {rows} }};\n\n", f"{x}radii{number}[memory->agent]"
+    return number_table(radii, f"{x}radii{number}", c, real), f"{x}radii{number}[memory->agent]"
 
 
 def _linked(law: ExportedLaw, c: CSource, x: str, X: str, real: str) -> str:

@@ -93,6 +93,24 @@ def bit_table(links: Links, name: str) -> tuple[str, str]:
     return table, f"((uint32_t){name}[memory->agent][sender / 8u] >> (sender % 8u)) & 1u"
 
 
+def number_table(values: Array, name: str, c: CSource, real: str) -> str:
+    """A table of numbers, a row for each agent.
+
+    Parameters
+    ----------
+    values
+        The numbers, shape (N, k).
+    name
+        Name of the table.
+    c
+        Writes numbers.
+    real
+        Name of their type.
+    """
+    rows = ", ".join("{ " + ", ".join(c.literal(float(v)) for v in row) + " }" for row in values)
+    return f"static const {real} {name}[{len(values)}][{values.shape[1]}] = {{ {rows} }};\n\n"
+
+
 def view_lines(view: ExportedView, number: int, c: CSource, name: str) -> tuple[str, list[str]]:
     """Tables of one graph, and lines that take ``found`` back where the sender is not in view.
 
@@ -114,11 +132,11 @@ def view_lines(view: ExportedView, number: int, c: CSource, name: str) -> tuple[
     assert view.cosines is not None
     table, cosine = "", c.literal(float(view.cosines[0]))
     if (view.cosines != view.cosines[0]).any():
-        table = _table(view.cosines[:, None], f"{x}cosine{number}", c, real)
+        table = number_table(view.cosines[:, None], f"{x}cosine{number}", c, real)
         cosine = f"{x}cosine{number}[memory->agent][0]"
     zero = c.literal(0.0)
     if view.directions is not None:
-        table += _table(view.directions, f"{x}heading{number}", c, real)
+        table += number_table(view.directions, f"{x}heading{number}", c, real)
         ahead = " + ".join(
             f"(offset[{k}] * {x}heading{number}[memory->agent][{k}])" for k in range(view.directions.shape[1])
         )
@@ -143,8 +161,3 @@ def _ahead_of_velocity(cosine: str, zero: str, x: str, real: str) -> list[str]:
         "        ahead = ahead + (offset[k] * part);", "    }",
         f"    found = (ahead >= (({cosine} * distance) * {x}sqrt(square))) ? 1u : 0u;", "}",
     ]  # fmt: skip
-
-
-def _table(values: Array, name: str, c: CSource, real: str) -> str:
-    rows = ", ".join("{ " + ", ".join(c.literal(float(v)) for v in row) + " }" for row in values)
-    return f"static const {real} {name}[{len(values)}][{values.shape[1]}] = {{ {rows} }};\n\n"

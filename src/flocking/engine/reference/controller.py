@@ -29,7 +29,6 @@ from flocking.model.bodies.vector_lengths import FACTOR
 from flocking.model.checks import Array, integer, number, truth
 from flocking.model.energy import Energy
 from flocking.model.graph_functional import averages
-from flocking.model.graphs.views import Cone
 from flocking.model.graphs.weights import MatrixWeights
 from flocking.model.law import Law
 from flocking.model.space import OPEN, Space
@@ -135,8 +134,7 @@ class Controller:
         self._changes = sorted({s for term in law.body_terms for s in term.switch_times(-np.inf, np.inf)})
         rules = []
         for graph in law.graphs:
-            closed = bool(getattr(graph, "closed", False)) or isinstance(graph, Cone)
-            kind = FIXED if not graph.moves else CLOSED if closed else 0.0
+            kind = FIXED if not graph.moves else CLOSED if bool(getattr(graph, "closed", False)) else 0.0
             radii = (
                 np.broadcast_to(np.asarray(x, np.float64), self.count)
                 for x in (graph.appear_radius, graph.break_radius)

@@ -182,6 +182,8 @@ class Cone(HeadingGraph, OneRadius):
         If a value is out of range.
     """
 
+    closed = True
+
     radius: float | Array
     opening: float | Array
     measure: Annotated[str, values.choice(*MEASURES)] = "real"

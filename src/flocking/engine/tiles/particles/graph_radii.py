@@ -81,7 +81,7 @@ class GraphRadii:
                 continue
             leave, enter = np.asarray(graph.break_radius), np.asarray(graph.appear_radius)
             square = dtype(np.max(leave)) ** 2
-            closed = bool(getattr(graph, "closed", False)) or isinstance(graph, Cone)
+            closed = bool(getattr(graph, "closed", False))
             if closed:
                 square = np.nextafter(square, dtype(np.inf))
             self.limits[number][:] = (square, dtype(np.max(enter)) ** 2, 0.5 * float(np.max(leave)))
