@@ -8,9 +8,10 @@ import numpy as np
 
 from flocking.arrays import Array, Links
 from flocking.engine.c_export.steering_source import check_steering_terms
-from flocking.engine.c_export.view_source import ExportedView, exported_view, is_exported_view
+from flocking.engine.c_export.view_source import ExportedView, exported_view
 from flocking.engine.kernels.expressions import LawFormulas, law_formulas
 from flocking.engine.kernels.layout import Layout
+from flocking.engine.reference.controller_views import is_known_view
 from flocking.engine.reference.finite_forces import bounding_poles
 from flocking.engine.sampled.safety import check_filter
 from flocking.errors import InvalidInput, UnsupportedLaw
@@ -181,7 +182,7 @@ def _check(scenario: Scenario) -> None:
                 f"export_c does not know the {heading_column(graph)} of bodies, along which {type(graph).__name__} "
                 "looks. Look along constant headings or velocities."
             )
-        if not is_exported_view(graph) and (graph.sees_headings or (graph.moves and not graph.follows_radii)):
+        if not is_known_view(graph) and (graph.sees_headings or (graph.moves and not graph.follows_radii)):
             raise UnsupportedLaw(
                 f"export_c follows links by two distances; {type(graph).__name__} has another rule. "
                 "Use a graph such as Hysteresis."

@@ -10,7 +10,7 @@ from flocking.arrays import Array, Links
 from flocking.formula.c_source import CSource
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.smooth_cones import SmoothCone
-from flocking.model.graphs.views import VELOCITY, Cone, FieldOfView
+from flocking.model.graphs.views import Cone, FieldOfView
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ def exported_view(graph: Graph, headings: Array | None, n: int) -> ExportedView 
     Parameters
     ----------
     graph
-        The graph, of which `is_exported_view` is true.
+        The graph, of which `flocking.engine.reference.controller_views.is_known_view` is true.
     headings
         Constant headings of the agents, as in `Agents`.
     n
@@ -60,21 +60,6 @@ def exported_view(graph: Graph, headings: Array | None, n: int) -> ExportedView 
         directions = None if graph.along_velocity else graph.directions(headings, n)
         return ExportedView(cosines=graph.cosines(n), directions=directions)
     return None
-
-
-def is_exported_view(graph: Graph) -> bool:
-    """Whether a graph that reads headings is one of those that are written.
-
-    A class of a user may link others than these do, and the headings of bodies are not known to the exported law.
-
-    Parameters
-    ----------
-    graph
-        The graph.
-    """
-    if isinstance(graph, FieldOfView):
-        return type(graph) is FieldOfView and graph.heading_column in ("", VELOCITY)
-    return type(graph) in (Cone, SmoothCone)
 
 
 def bit_table(links: Links, name: str) -> tuple[str, str]:

@@ -81,6 +81,21 @@ class ControllerView:
         return np.asarray(ahead >= self._cosine * distance)
 
 
+def is_known_view(graph: Graph) -> bool:
+    """Whether an agent by itself knows who is in view under a graph that reads headings.
+
+    A class of a user may link others than these do, and the headings of bodies are not known to a law.
+
+    Parameters
+    ----------
+    graph
+        The graph.
+    """
+    if isinstance(graph, FieldOfView):
+        return type(graph) is FieldOfView and graph.heading_column in ("", VELOCITY)
+    return type(graph) in (Cone, SmoothCone)
+
+
 def controller_view(graph: Graph, agent: int, headings: Array | None, shape: tuple[int, int]) -> ControllerView | None:
     """The view of an agent under a graph; None where all that are near enough are in view.
 
@@ -99,7 +114,7 @@ def controller_view(graph: Graph, agent: int, headings: Array | None, shape: tup
             "Controller", "law", "must look along constant headings or velocities", graph.heading_column,
             "The heading of a body is not known to the controller.",
         )  # fmt: skip
-    if type(graph) in (Cone, SmoothCone, FieldOfView):
+    if is_known_view(graph):
         assert isinstance(graph, Cone | SmoothCone | FieldOfView)
         return ControllerView(graph, agent, headings, shape)
     if graph.sees_headings or (graph.moves and not graph.follows_radii):
