@@ -60,3 +60,11 @@ def states(n, dimension, seed=0, side=1.0):
 
 
 __all__ = ["PerAgentRadii", "Smooth", "accelerations", "saber", "shi", "states", "structural", "zhou"]
+
+
+def deviations(made, exact, step):
+    """How far positions, and the last energy, dissipation, supply and jumps, are from those of an exact run."""
+    run = fk.simulate(made, engine="tiles", step=step, progress=False)
+    names = ("energy", "dissipated", "supplied", "jumped")
+    booked = [abs(run.trace[name][-1] - exact.trace[name][-1]) for name in names]
+    return np.array([np.abs(run.q - exact.q).max(), *booked])

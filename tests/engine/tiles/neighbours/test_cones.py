@@ -12,7 +12,7 @@ from flocking.engine.tiles.neighbours import similar_headings
 from flocking.engine.tiles.session import TilesOptions, TilesSession
 from flocking.errors import InvalidInput, LawNotObeyed, UnsupportedLaw
 from flocking.model.graphs.seen_headings import links_at_state
-from tests.engine.tiles.laws import accelerations, states
+from tests.engine.tiles.laws import accelerations, deviations, states
 
 TERMS = (fk.Gradient(fk.Potential("k*(r - 1)**2/2", k=0.3)), fk.Consensus(0.4))
 CONES = {
@@ -106,16 +106,10 @@ def test_motion_and_ledger_tend_to_those_of_the_exact_engine(name):
     made = scenario(CONES[name](40), t_end=0.6)
     exact = fk.simulate(made, engine="exact", progress=False)
     assert len(exact.switches) > 3
-    errors = []
-    for step in (8e-3, 1e-3):
-        run = fk.simulate(made, engine="tiles", step=step, progress=False)
-        names = ("energy", "dissipated", "supplied", "jumped")
-        booked = [abs(run.trace[name][-1] - exact.trace[name][-1]) for name in names]
-        errors.append([np.abs(run.q - exact.q).max(), *booked])
-    coarse, fine = (np.array(each) for each in errors)
+    coarse, fine = (deviations(made, exact, step) for step in (8e-3, 1e-3))
     assert coarse.max() < 0.03
     assert fine.max() < 0.005
-    assert fine.sum() < 0.35 * coarse.sum(), errors
+    assert fine.sum() < 0.35 * coarse.sum(), (coarse, fine)
 
 
 LOST = fk.Messages(0.05, delay=0.02, loss=fk.Bernoulli(0.3), expires=0.3, seed=3)

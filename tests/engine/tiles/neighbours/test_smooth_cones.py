@@ -11,7 +11,7 @@ from flocking.engine.tiles.neighbours.listed_factors import ListedFactors
 from flocking.engine.tiles.session import TilesOptions, TilesSession
 from flocking.errors import InvalidInput, LawNotObeyed, TooCrowded, UnsupportedLaw
 from flocking.model.graphs.seen_headings import links_at_state
-from tests.engine.tiles.laws import accelerations, states
+from tests.engine.tiles.laws import accelerations, deviations, states
 from tests.engine.tiles.neighbours.test_cones import LOST, angles, scenario
 
 TERMS = (fk.Gradient(fk.Potential("k*(r - 1)**2/2", k=0.3)), fk.Consensus(0.4, weighted=True))
@@ -94,15 +94,9 @@ def test_motion_and_ledger_tend_to_those_of_the_exact_engine(name, weighting):
     made = faded(CONES[name], terms=(spring, fk.Consensus(0.4, weighted=True)), t_end=0.6)
     exact = fk.simulate(made, engine="exact", progress=False)
     assert len(exact.switches) > 3
-    errors = []
-    for step in (8e-3, 1e-3):
-        run = fk.simulate(made, engine="tiles", step=step, progress=False)
-        names = ("energy", "dissipated", "supplied", "jumped")
-        booked = [abs(run.trace[name][-1] - exact.trace[name][-1]) for name in names]
-        errors.append([np.abs(run.q - exact.q).max(), *booked])
-    coarse, fine = (np.array(each) for each in errors)
+    coarse, fine = (deviations(made, exact, step) for step in (8e-3, 1e-3))
     assert coarse.max() < 0.02
-    assert fine.sum() < 0.2 * coarse.sum(), errors
+    assert fine.sum() < 0.2 * coarse.sum(), (coarse, fine)
 
 
 @pytest.mark.parametrize("information", [None, LOST])

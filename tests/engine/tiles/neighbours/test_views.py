@@ -9,7 +9,7 @@ import flocking as fk
 from flocking.engine.tiles.session import TilesOptions, TilesSession
 from flocking.errors import LawNotObeyed, UnsupportedLaw
 from flocking.model.graphs.seen_headings import links_at_state
-from tests.engine.tiles.laws import accelerations, states
+from tests.engine.tiles.laws import accelerations, deviations, states
 
 SPRING = fk.Gradient(fk.Potential("k*(r - 1)**2/2", k=0.3))
 TERMS = (SPRING, fk.Consensus(0.4))
@@ -131,17 +131,11 @@ def test_motion_and_ledger_tend_to_those_of_the_exact_engine(graph, m):
     made = _scenario(graph, n=25, m=m, t_end=0.4)
     exact = fk.simulate(made, engine="exact", progress=False)
     assert len(exact.switches) > 5
-    errors = []
-    for step in (8e-3, 1e-3):
-        run = fk.simulate(made, engine="tiles", step=step, progress=False)
-        names = ("energy", "dissipated", "supplied", "jumped")
-        booked = [abs(run.trace[name][-1] - exact.trace[name][-1]) for name in names]
-        errors.append([np.abs(run.q - exact.q).max(), *booked])
     # Links follow at steps: a switch is late by a part of the step, so that errors are multiples of it on the whole.
-    coarse, fine = (np.array(each) for each in errors)
+    coarse, fine = (deviations(made, exact, step) for step in (8e-3, 1e-3))
     assert coarse.max() < 0.03
     assert fine.max() < 0.003
-    assert fine.sum() < 0.35 * coarse.sum(), errors
+    assert fine.sum() < 0.35 * coarse.sum(), (coarse, fine)
 
 
 @pytest.mark.parametrize("column", ["", "p", "heading"])
