@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 import flocking as fk
 from flocking.errors import InvalidInput
@@ -32,6 +33,17 @@ def test_smoothing_keeps_agents_and_spreads_them_evenly():
     assert np.abs(one.values - bell).max() < 0.01 * bell.max()
 
 
+@pytest.mark.parametrize(("agents", "blur"), [(1, 60.0), (3, 25.0), (40, 9.0), (4000, 9.0), (4000, 0.7)])
+def test_smoothing_is_the_sum_of_neighbouring_cells_however_it_is_computed(agents, blur):
+    """Few agents that are smoothed widely, and many that are smoothed little, as SciPy's filter over all cells."""
+    q = np.random.default_rng(agents).uniform(-20.0, 60.0, (agents, 2))
+    made = density_map(q, low=(0, 0), high=(40, 30), cell=1.0, blur=blur)
+    rim = int(np.ceil(4 * blur))
+    around = density_map(q, low=(-rim, -rim), high=(40 + rim, 30 + rim), cell=1.0)
+    expected = gaussian_filter(around.values, blur, mode="constant", truncate=4.0)[rim:-rim, rim:-rim]
+    assert made.values == pytest.approx(expected, rel=1e-12, abs=1e-15 * expected.max())
+
+
 def test_what_stands_outside_is_smoothed_in():
     """A uniform crowd is as dense at the border of a map as in its middle."""
     x = np.arange(-20.0, 20.0, 0.25)
@@ -50,6 +62,7 @@ def test_what_stands_outside_is_smoothed_in():
         (np.zeros((3, 2)), {"cell": 0.0}),
         (np.zeros((3, 2)), {"cell": 1e-6}),
         (np.zeros((3, 2)), {"blur": -1.0}),
+        (np.zeros((3, 2)), {"blur": 1e5}),
     ],
 )
 def test_senseless_maps_are_refused(q, change):

@@ -113,9 +113,11 @@ def density(
     from matplotlib.colors import LogNorm
 
     unit = number("density", "unit", unit, above=0.0)
-    made, stated, name = _mapped(what, time, frame, limits, cell, blur)
-    level = _typical(made) if reference is None else number("density", "reference", reference, above=0.0)
     low, high = _checked_span(span)
+    level = None if reference is None else number("density", "reference", reference, above=0.0)
+    given = None if obstacles is None else checked_outlines("density", obstacles)
+    made, stated, name = _mapped(what, time, frame, limits, cell, blur)
+    level = _typical(made) if level is None else level
     axes = axes_or_new(axes, width=COLUMN, height=COLUMN)
     (left, down), (right, up) = made.low / unit, made.high / unit
     axes.set_facecolor(GROUND)
@@ -123,8 +125,8 @@ def density(
         np.clip(made.values / level, low, high), norm=LogNorm(low, high), cmap=COLORS, origin="lower",
         extent=(left, right, down, up), interpolation="bilinear", gid="density", zorder=0.2,
     )  # fmt: skip
-    if obstacles is not None:
-        outlines = [o.outline(OUTLINE_POINTS) for o in checked_outlines("density", obstacles)]
+    if given is not None:
+        outlines = [o.outline(OUTLINE_POINTS) for o in given]
     else:
         found = own_obstacles(what) if isinstance(what, Run) else []
         outlines = [o.outline(OUTLINE_POINTS, stated.t) for o in found]
