@@ -15,6 +15,7 @@ from flocking.papers import olfati_saber_2003 as paper
 from flocking.papers.olfati_saber_2003 import density, examples_runs, passage, system
 from flocking.study.claims.audit import audit
 from flocking.study.claims.judgement import judge
+from flocking.study.evidence import Evidence
 
 
 @pytest.fixture(autouse=True)
@@ -125,11 +126,13 @@ def straight(start: list[float], velocity: list[float], t_end: float = 10.0) -> 
 
 def test_clearance_sees_what_happens_between_frames() -> None:
     # The obstacle at (120, 40) of radius 2 is passed at distance 1, or cut by 0.5, both between two frames.
-    least, error = obstacle_passages.clearance(straight([77.0, 43.0], [10.0, 0.0], 6.0))
-    assert abs(least - 1.0) < error < 1.0
-    least, error = obstacle_passages.clearance(straight([77.0, 41.5], [10.0, 0.0], 6.0))
-    assert abs(least + 0.5) < error
-    assert least < 0
+    found = Evidence(straight([77.0, 43.0], [10.0, 0.0], 6.0)).nearest_obstacle
+    assert abs(found.distance - 1.0) < 1e-9
+    assert found.error < 1e-9
+    assert found.at_samples > 1.001
+    found = Evidence(straight([77.0, 41.5], [10.0, 0.0], 6.0)).nearest_obstacle
+    assert abs(found.distance + 0.5) < 1e-9
+    assert found.error < 1e-9
 
 
 def test_paths_between_frames_are_cubics() -> None:

@@ -214,7 +214,8 @@ def test_stored_results_are_of_the_whole_scenario(name, engine):
 def test_stored_audits_are_as_sure_as_one_of_today_would_be(name, engine):
     """Of a motion of fixed steps that is too large to be repeated no error is known: only the ledger decides."""
     stored = showcase(name).stored(engine).facts["audit"]
-    assert set(stored) == {claim.key for claim in GENERAL}
+    # The runs are of before that claim: pictures count who is inside an obstacle.
+    assert {claim.key for claim in GENERAL} - set(stored) <= {"outside-obstacles"}
     decided = {key for key, (verdict, _) in stored.items() if verdict in {"holds", "fails"}}
     assert decided <= {"ledger", "energy-falls"}
     assert engine == "lammps" or "forces are those of the law" in stored["ledger"][1]

@@ -1,4 +1,4 @@
-"""Measures of a passage of obstacles: clearance between frames, and numbers of flocks among obstacles."""
+"""Measures of a passage of obstacles: paths between frames, and numbers of flocks among obstacles."""
 
 from __future__ import annotations
 
@@ -46,35 +46,6 @@ def between_frames(t: Array, q: Reals, p: Reals, count: int = BETWEEN) -> tuple[
     return np.append(times, t[-1]), np.concatenate([points, q[-1:]])
 
 
-def clearance(run: Run) -> tuple[float, float]:
-    """Smallest signed distance of any agent from any obstacle, and its error.
-
-    Positions between frames are interpolated by cubic Hermite polynomials. The error is that of the interpolation at
-    a frame when every second frame is omitted, near obstacles, plus half the largest distance of successive points.
-    """
-    times, points = between_frames(run.t, run.q, run.p)
-    every_second = run.q[::2], run.p[::2], run.t[::2]
-    _, coarse = between_frames(every_second[2], every_second[0], every_second[1], 2)
-    missed = np.linalg.norm(coarse[1::2] - run.q[1::2][: len(coarse[1::2])], axis=2)
-    least, error = np.inf, 0.0
-    n = run.q.shape[1]
-    for obstacle in obstacles_of(run):
-        distances = _distances(obstacle, times, points)
-        least = min(least, float(distances.min()))
-        # Only paths that come close can enter an obstacle.
-        close = distances[: len(distances) // (2 * BETWEEN) * 2 * BETWEEN].reshape(-1, 2 * BETWEEN, n).min(axis=1)
-        near = close < min(term.range for term in _terms(run)) / 2
-        error = max(error, float(missed[: len(near)][near[: len(missed)]].max(initial=0.0)))
-    return least, error + float(np.linalg.norm(np.diff(points, axis=0), axis=2).max()) / 2
-
-
-def _distances(obstacle: Obstacle, times: Array, points: Array) -> Array:
-    """Signed distances of points, shape (K, N, m), each row at its own time; shape (K, N)."""
-    k, n, m = points.shape
-    values = [np.full(k * n, value) for value in obstacle.parameters.values()]
-    return obstacle.distance_function()(points.reshape(k * n, m), np.repeat(times, n), values).reshape(k, n)
-
-
 @lru_cache(maxsize=1)
 def flock_counts(e: Evidence) -> tuple[int, int, int]:
     """Number of flocks when the first obstacle becomes active, its maximum until the last is left, and at the end.
@@ -106,15 +77,6 @@ def flock_counts(e: Evidence) -> tuple[int, int, int]:
     if len(found) > 1 or e.known_until < np.inf:
         raise NotResolvable(e.doubt_note() or e.loss_note)
     return *found.pop(), flocks(e.end_links)
-
-
-@about(Subject.NET, lasting=True)
-def never_inside(e: Evidence) -> Measure:
-    """Smallest distance of any agent from any obstacle."""
-    if len(e.t) < 3:
-        raise NotResolvable("fewer than three frames do not show the paths between them")
-    least, error = clearance(e.checked)
-    return above(least, 0.0, f"closest {least:.3g} to an obstacle", error)
 
 
 @about(Subject.CONNECTIVITY)

@@ -197,7 +197,7 @@ SETTLED = [
 ]
 PASSING = [
     ENERGY,
-    ("no-entry", THIRD, "PAPER", "HOLDS", True, "never_inside", "granted"),
+    ("no-entry", THIRD, "PAPER", "HOLDS", True, "outside_obstacles", "granted"),
     ("split", THIRD, "PAPER", "HOLDS", True, "splits", "granted"),
     ("rejoin", THIRD, "PAPER", "HOLDS", True, "rejoins", "granted"),
 ]
@@ -224,7 +224,7 @@ STATED = {
     "-split": [*PASSING, *BEHIND],
     "-squeeze": [*PASSING, *BEHIND],
     "-firm": [*PASSING, *BEHIND],
-    "-against": [ENERGY, ("entry", "not stated", "OWN", "FAILS", True, "never_inside", "granted")],
+    "-against": [ENERGY, ("entry", "not stated", "OWN", "FAILS", True, "outside_obstacles", "granted")],
     "-network": PASSING,
     "-network-held": [
         ENERGY,

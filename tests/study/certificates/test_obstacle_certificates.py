@@ -11,8 +11,8 @@ import pytest
 import flocking as fk
 from flocking.formula.intervals import Interval
 from flocking.study.certificates.comparison import compare
-from flocking.study.certificates.obstacle_approach import closest_to_obstacles
 from flocking.study.certificates.obstacle_certificates import ObstacleSetting
+from flocking.study.evidence.obstacle_approach import nearest_obstacle
 
 WALL = fk.Wall([0.0, 0.0], [1.0, 0.0])
 SOFT = fk.Potential("(r - 2)**2/2")
@@ -47,12 +47,12 @@ def test_the_closest_approach_between_frames_is_seen():
     scenario = thrown(3.0).with_(frames=3)
     promised = fk.certify(scenario)["obstacles_not_entered"].bound.lo
     run = fk.simulate(scenario, progress=False, fine=True)
-    least, error = closest_to_obstacles(run, [WALL])
+    least, error = nearest_obstacle(run, [WALL])[:2]
     assert WALL.distance(run.q[:, 0]).min() > 0.8
     assert least == pytest.approx(promised, abs=1e-3)
     assert error < 1e-3
     # With the frames alone the error says that they do not resolve the motion.
-    coarse, missed = closest_to_obstacles(replace(run, fine=None), [WALL])
+    coarse, missed = nearest_obstacle(replace(run, fine=None), [WALL])[:2]
     assert missed > 0.02
     assert coarse > least + 0.01
 
@@ -63,7 +63,7 @@ def test_the_approach_of_held_forces_is_that_of_parabolas():
     places = (1.0 - 2.0 * t + t**2)[:, None, None] * np.array([1.0, 0.0])
     speeds = (2.0 * t - 2.0)[:, None, None] * np.array([1.0, 0.0])
     run = SimpleNamespace(t=t, q=places, p=speeds, fine=None, scenario=thrown(1.0))
-    least, error = closest_to_obstacles(run, [WALL])
+    least, error = nearest_obstacle(run, [WALL])[:2]
     assert least == pytest.approx(0.0, abs=1e-9)
     assert error < 1e-12
 
@@ -78,7 +78,7 @@ def test_of_many_that_come_near_the_nearest_one_is_found():
             t_end=8.0, frames=3, control=fk.Held(0.5),
         ), progress=False,
     )  # fmt: skip
-    least, error = closest_to_obstacles(run, [fk.Ball([0.0, 0.0], 0.5)])
+    least, error = nearest_obstacle(run, [fk.Ball([0.0, 0.0], 0.5)])[:2]
     assert least == pytest.approx(0.02, abs=1e-12)
     assert error < 1e-12
 
@@ -117,7 +117,7 @@ def test_the_error_of_an_approach_between_frames_is_not_understated():
         dense = fk.simulate(scenario.with_(frames=8001), progress=False).q.reshape(-1, 2)
         true = min(float(x.distance(dense).min()) for x in obstacles)
         for frames in (3, 5, 9, 21, 81):
-            least, error = closest_to_obstacles(fk.simulate(scenario.with_(frames=frames), progress=False), obstacles)
+            least, error = nearest_obstacle(fk.simulate(scenario.with_(frames=frames), progress=False), obstacles)[:2]
             assert abs(least - true) <= error + 1e-4, (seed, frames)
 
 

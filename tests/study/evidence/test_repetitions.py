@@ -12,7 +12,7 @@ from flocking.papers.cucker_smale_2007 import system
 from flocking.study.claims.claim import Claim, Measure
 from flocking.study.claims.subjects import Subject, about
 from flocking.study.evidence import Evidence, NotResolvable
-from flocking.study.evidence.repetitions import SAFETY, Repetitions
+from flocking.study.evidence.repetitions import SAFETY, Repetitions, repetitions_of
 
 DURATION = 12.0
 
@@ -209,3 +209,16 @@ def test_a_stored_run_that_states_few_steps_of_a_tiny_length_is_not_repeated():
     )  # fmt: skip
     with pytest.raises(NotResolvable, match="1000000000 steps of 2 agents are too many to repeat"):
         Evidence(replace(run, provenance={**run.provenance, "step": 1e-9})).repetitions  # noqa: B018
+
+
+@pytest.mark.parametrize("agents", [1, 3])
+def test_one_agent_and_agents_of_one_velocity_have_an_extent(agents: int) -> None:
+    """Their repetitions differ by rounding alone, a tiny share of the way that they go."""
+    q = np.array([[0.0, 0.0], [9.0, 1.0], [-7.0, 2.0]])[:agents]
+    start = fk.State(q, np.tile([0.7, -0.3], (agents, 1)))
+    scenario = fk.Scenario(fk.Law(fk.Proximity(1.0), [fk.Consensus(1.0)]), start, t_end=3.0, frames=31)
+    run = fk.simulate(scenario, engine="tiles", step=0.01, progress=False)
+    assert repetitions_of(run).share < 1e-3
+    agreed = next(r for r in fk.audit(run).results if r.claim.key == "velocities-agree")
+    assert "inf" not in agreed.note
+    assert agreed.verdict != "fails"

@@ -281,9 +281,8 @@ class SolutionError:
         segment
             The step at whose end it crosses.
         """
-        watch = links.watches[crossing.watch]
+        watch, error = links.watches[crossing.watch], self.over(segment)
         i, j = (int(x) for x in crossing.pairs[k])
-        error = self.over(segment)
         if self.known_until < np.inf:
             return np.inf, np.inf
         if not segment.t1 > segment.t0:
@@ -291,12 +290,13 @@ class SolutionError:
             self._companion.lose(segment.t1)
             return np.inf, np.inf
         if watch.kind in ("obstacle", "rim"):
-            bound, drift = error.agent(i), np.inf
-            if links.contacts.levels[crossing.watch - links.first_level].jumps:
+            bound, drift, level = error.agent(i), np.inf, crossing.watch - links.first_level
+            if links.contacts.levels[level].jumps:
                 self._settle(self._doubts.cross(crossing, k, segment.t1, links, bound), segment, links)
             y, e = (self._agent(x, i) for x in (segment.coefficients[-1], self.difference.nodes[-1]))
-            off = links.contacts.farther(watch.graph - len(links.graphs), segment.t1 + links.base, y, e, j)
-            late, drift, delay = switch_errors(bound, drift, speed, off, 0.0, 0.0, 0.0)
+            off = links.contacts.farther(watch.graph - len(links.graphs), t := segment.t1 + links.base, y, e, j)
+            beyond = links.contacts.beyond(level, t, y, j, error.q_floor)
+            late, drift, delay = switch_errors(bound, drift, speed, off, 0.0, 0.0, beyond)
         else:
             bound, view = error.pair(i, j), links.view_of(crossing.watch)
             drift = error.pair_velocity(i, j, self._velocities(segment))
@@ -304,7 +304,7 @@ class SolutionError:
             most = bound if view is None else bound + float(watch.leave[i]) * turned
             self._settle(self._doubts.cross(crossing, k, segment.t1, links, most), segment, links)
             radial = _radial(segment, i, j, *self._sizes, links.space, self.difference.nodes[-1])
-            # The crossing counts from where the pair is that far beyond the distance.
+            # It counts from where the pair is that far beyond the distance.
             errors = switch_errors(bound, drift, speed, *radial, slack_of(watch, error.q_floor / ROUNDING))
             if view is not None:
                 errors = self._by_bearing(errors, (bound, turned), segment, (i, j), view, float(watch.leave[i]))

@@ -10,7 +10,7 @@ import numpy as np
 
 from flocking.arrays import Array, Indices, Links
 from flocking.engine.imperfect.pair_polynomials import ROUNDING
-from flocking.engine.kernels.obstacle_crossings import first_crossings, speed_bound
+from flocking.engine.kernels.obstacle_crossings import first_crossings, place_slack, speed_bound
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.engine.runs.run import SwitchRow, is_tangential
 from flocking.formula.compiled import Reading
@@ -162,14 +162,18 @@ class ObstacleRanges(ObstacleDistances):
         fastest = np.array([speed_bound(x, base + seconds, until) for x in self.groups[group].obstacles])
         sign = np.where(self.near[group][agents, obstacles], 1.0, -1.0)
         level = self.ranges[group]
-        border = level + sign * ROUNDING * max(level, float(np.abs(S[0]).max()))
+        moved = span * fastest[obstacles]
+        excursion = np.sqrt(((paths - paths[:, :1]) ** 2).sum(axis=2).max(axis=1))
+        longest = float(span.max())
+        located = place_slack((excursion + moved) * longest / span, until, longest)
+        border = level + sign * np.maximum(ROUNDING * max(level, float(np.abs(S[0]).max())), located)
 
         def above(points: Array, x: Array, which: Indices) -> Array:
             times = base + seconds + span[which] * x
             return np.asarray(sign[which] * (self.clearance(group, points, times, obstacles[which]) - border[which]))
 
         with self._reading:
-            when = first_crossings(above, np.ascontiguousarray(paths), span * fastest[obstacles])
+            when = first_crossings(above, np.ascontiguousarray(paths), moved)
         for k in np.flatnonzero(when <= 1.0).tolist():
             at = float(seconds + span[k] * when[k])
             heapq.heappush(self.due, RangeCrossing(at, int(agents[k]), group, int(obstacles[k])))

@@ -35,6 +35,27 @@ CLOSED = 1e-15
 """Fraction of a step to which a crossing is located."""
 
 
+ROUNDINGS = 4.0
+"""Times by which the errors of places where a crossing is located count: twice their number, a crossing and a time."""
+
+
+def place_slack(reach: Array, t: float, length: float) -> Array:
+    """How far beyond a distance a pair must be, that both sides of a located crossing are on their side of it.
+
+    Parameters
+    ----------
+    reach
+        How far agent and obstacle move together in ``length``.
+    t
+        The largest time.
+    length
+        Length of the time in which the crossing is looked for.
+    """
+    if not length > 0.0:
+        return np.zeros_like(reach)
+    return np.asarray(ROUNDINGS * (CLOSED + float(np.spacing(abs(t))) / length) * reach)
+
+
 def speed_bound(obstacle: Obstacle, t0: float, t1: float) -> float:
     """Speed that an obstacle does not exceed on [t0, t1].
 

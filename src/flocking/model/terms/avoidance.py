@@ -112,6 +112,10 @@ class ObstacleTerm(BodyTerm):
             ObstacleGroup(tuple(self.obstacles[k] for k in numbers), tuple(numbers)) for numbers in found.values()
         )
 
+    def solids(self, dimension: int) -> tuple[Obstacle, ...]:
+        """The obstacles."""
+        return tuple(self.obstacles)
+
     def check_dimension(self, dimension: int) -> None:
         """Check that all obstacles have ``dimension`` dimensions.
 

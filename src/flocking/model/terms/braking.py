@@ -10,6 +10,7 @@ import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, array, number
+from flocking.model.leaders_and_obstacles.obstacles import Ball, Obstacle, Wall
 from flocking.model.parts import values
 from flocking.model.parts.registration import register_part
 from flocking.model.terms.steering import Seen, Steering, directions, lengths
@@ -235,6 +236,11 @@ class ShillWalls(Steering):
         """True: walls stand at a place."""
         return True
 
+    def solids(self, dimension: int) -> tuple[Obstacle, ...]:
+        """The two walls on each axis."""
+        axes = np.eye(dimension)
+        return tuple(Wall(-side * self.half_width * axis, side * axis) for axis in axes for side in (1.0, -1.0))
+
     def steer(self, seen: Seen) -> Array:
         """Velocities away from the walls."""
         found = np.zeros_like(seen.q)
@@ -295,6 +301,10 @@ class ShillDisc(Steering):
     def sees_places(self) -> bool:
         """True: an obstacle stands at a place."""
         return True
+
+    def solids(self, dimension: int) -> tuple[Obstacle, ...]:
+        """The disc."""
+        return (Ball(self.centre, self.radius),)
 
     def steer(self, seen: Seen) -> Array:
         """Velocities away from the obstacle."""

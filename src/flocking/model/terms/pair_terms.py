@@ -25,6 +25,7 @@ from flocking.model.terms.symbols import PairSymbols
 if TYPE_CHECKING:
     import sympy
 
+    from flocking.model.leaders_and_obstacles.obstacles import Obstacle
     from flocking.model.terms.fading_potentials import Fall
 
 Value = float | Array | PairWeights | Schedule
@@ -74,6 +75,10 @@ class Term(ABC):
     def check_dimension(self, dimension: int) -> None:
         """Check that the term fits ``dimension`` space dimensions; most fit any."""
         return None
+
+    def solids(self, dimension: int) -> tuple[Obstacle, ...]:
+        """Obstacles in ``dimension`` space dimensions that agents under this term are not to enter; none for most."""
+        return ()
 
 
 class PairTerm(Term):

@@ -17,7 +17,7 @@ from flocking.model.terms.pair_terms import Consensus, Gradient
 from flocking.model.terms.schedules import Schedule
 from flocking.model.world.control import Held
 from flocking.papers.grounds import OBSERVED, Ground, claims_by_name, proved, refuted
-from flocking.papers.obstacle_passages import never_inside, rejoins, splits
+from flocking.papers.obstacle_passages import rejoins, splits
 from flocking.papers.olfati_saber_2006 import system
 from flocking.papers.olfati_saber_2006.closed_forms import (
     centre_motion,
@@ -325,8 +325,8 @@ def _stated(name: str) -> Sequence[Claim]:
     if name == system.AGAINST:
         return (
             energy,
-            Claim("entry", "not stated", "No agent enters an obstacle, wherever it is led.", never_inside, origin=own,
-                  expected=Verdict.FAILS,
+            Claim("entry", "not stated", "No agent enters an obstacle, wherever it is led.", general.outside_obstacles,
+                  origin=own, expected=Verdict.FAILS,
                   reason="The force of an obstacle vanishes at its boundary, with n_ij, and points inwards behind it."),
         )  # fmt: skip
     if name in (system.SPLIT, system.SQUEEZE, system.FIRM, system.NETWORK, system.HELD):
@@ -338,7 +338,7 @@ def _stated(name: str) -> Sequence[Claim]:
             words = "Forces are those of the law at the last update, and are held."
             held = Claim("held", "the simulator's program", words, moved_as_held, dynamic=False)
             return (energy, held, *passage)
-        entry = Claim("no-entry", THIRD, "No agent enters an obstacle.", never_inside)
+        entry = Claim("no-entry", THIRD, "No agent enters an obstacle.", general.outside_obstacles)
         if name == system.NETWORK:
             return (energy, entry, *passage)
         return (

@@ -18,8 +18,8 @@ from flocking.model.terms.avoidance import Avoid
 from flocking.model.world.safety_filters import SafetyFilter
 from flocking.study.certificates.certificate import Certificate, Certificates
 from flocking.study.certificates.energy_setting import EnergySetting
-from flocking.study.certificates.obstacle_approach import closest_to_obstacles
 from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
+from flocking.study.evidence.obstacle_approach import nearest_obstacle
 
 MOST_STATES = 32
 """Frames of which the energy is computed, at even places of the run."""
@@ -113,17 +113,17 @@ def _obstacles(run: Run, certificate: Certificate) -> tuple[float, float]:
     """The smallest distance of an agent from an obstacle of the safety filter."""
     control = run.scenario.control
     assert isinstance(control, SafetyFilter)
-    least, missed = closest_to_obstacles(run, control.obstacles)
+    found = nearest_obstacle(run, control.obstacles)
     error = 0.5 * _position_error(run)
     # What the sampled engine computes is exact up to rounding, which the promise allows for.
-    return least, missed + (error if np.isfinite(error) else 0.0)
+    return found.distance, found.error + (error if np.isfinite(error) else 0.0)
 
 
 def _avoided(run: Run, certificate: Certificate) -> tuple[float, float]:
     """The smallest distance of an agent from an obstacle of the law."""
     obstacles = [x for term in run.scenario.law.body_terms if type(term) is Avoid for x in term.obstacles]
-    least, missed = closest_to_obstacles(run, obstacles)
-    return least, missed + 0.5 * _position_error(run)
+    found = nearest_obstacle(run, obstacles)
+    return found.distance, found.error + 0.5 * _position_error(run)
 
 
 def _link_lengths(run: Run, certificate: Certificate) -> tuple[float, float] | None:

@@ -7,6 +7,8 @@ from flocking.study.claims.conclusions.approach import (
     all_apart,
     linked_apart,
     needs_filter,
+    needs_obstacles,
+    outside_obstacles,
     safe_distance_kept,
 )
 from flocking.study.claims.conclusions.energy import (
@@ -61,6 +63,8 @@ GENERAL: tuple[Claim, ...] = (
     Claim("all-apart", "any law", "No two agents ever collide.", all_apart),
     Claim("safe-distance", "any law", "No two agents come closer than the safety filter's distance.",
           safe_distance_kept, obstacle=needs_filter),
+    Claim("outside-obstacles", "any law", "No agent ever enters an obstacle.", outside_obstacles,
+          obstacle=needs_obstacles),
     Claim("forces-vanish", "any law", "The potential forces balance at the end.", forces_vanish, obstacle=needs_free),
     Claim("potential-minimal", "any law", "The total potential ends in a local minimum.", potential_is_minimal,
           obstacle=needs_total_potential),
@@ -73,6 +77,6 @@ __all__ = [
     "distances_settle", "energy_continuous", "energy_rise", "forces_vanish", "imbalance", "ledger_residual",
     "linked_apart", "momentum_drift", "needs_free", "needs_ledger", "needs_momentum", "needs_passive",
     "needs_potential", "needs_switching", "needs_total_potential", "no_link_lost", "opposite_forces",
-    "potential_is_minimal", "speeds_bounded", "starts_connected", "stays_connected", "switching_stops",
-    "velocities_agree",
+    "outside_obstacles", "potential_is_minimal", "speeds_bounded", "starts_connected", "stays_connected",
+    "switching_stops", "velocities_agree",
 ]  # fmt: skip

@@ -37,6 +37,10 @@ STEP = 500
 """Work of a step besides its pairs."""
 
 
+LEAST_EXTENT = 1e-9
+"""Share of the way of a group, or of its speed, that counts as its extent at least: far above what rounding adds."""
+
+
 @dataclass(frozen=True, eq=False)
 class Repetitions:
     """A run repeated.
@@ -131,13 +135,17 @@ def _repeated(run: Run, opened: Callable[[], Session]) -> Run:
 
 
 def _share(one: Run, best: Run, run: Run) -> float:
-    """Largest difference of two runs as a share of the extent of the positions or velocities of a ``run``."""
-    return max(_relative(one.q, best.q, run.q), _relative(one.p, best.p, run.p))
+    """Largest difference of two runs as a share of the extent of the positions or velocities of a ``run``.
+
+    One agent, and agents of one velocity, have none: the way that they go and their speed count by `LEAST_EXTENT`.
+    """
+    way, speed = float(np.ptp(run.q, axis=(0, 1)).max(initial=0.0)), float(np.abs(run.p).max(initial=0.0))
+    return max(_relative(one.q, best.q, run.q, way), _relative(one.p, best.p, run.p, speed))
 
 
-def _relative(one: Reals, best: Reals, size: Reals) -> float:
+def _relative(one: Reals, best: Reals, values: Reals, size: float) -> float:
     difference = float(np.abs(one - best).max(initial=0.0))
-    extent = float(np.ptp(size, axis=1).max(initial=0.0))
+    extent = max(float(np.ptp(values, axis=1).max(initial=0.0)), LEAST_EXTENT * size)
     if difference == 0.0:
         return 0.0
     return difference / extent if extent > 0.0 else np.inf

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.engine.runs.run import SWITCH_FIELDS, TRACE_FIELDS
 from flocking.papers.olfati_saber_2006 import closed_forms, system, theorems
 from flocking.study.claims.audit import audit
 from flocking.study.claims.claim import Verdict
@@ -62,7 +63,9 @@ def straight(name, closest):
     t = np.linspace(0.0, 10.0, 401)
     p = np.tile([4.0, 0.0], (len(t), 1, 1))
     q = centre - [20.05, RADIUS + closest] + t[:, None, None] * p
-    return run_from_samples(made.with_(start=fk.State(q[0], p[0])), t, q, p)
+    moved = made.with_(start=fk.State(q[0], p[0]), t_end=10.0, frames=tuple(t))
+    links, none = np.zeros((len(t), 1, 1), bool), np.zeros(0, SWITCH_FIELDS)
+    return fk.Run(moved, t, q, p, links, none, np.zeros(0, TRACE_FIELDS))
 
 
 @pytest.mark.parametrize("name", [system.SPLIT, system.NETWORK])

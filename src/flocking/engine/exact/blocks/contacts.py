@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from flocking.engine.adaptive_steps.segment import ROUNDING
 from flocking.engine.exact.blocks.arrays import (
     DELAY,
     DRIFT,
@@ -24,6 +25,7 @@ from flocking.engine.exact.blocks.arrays import (
 from flocking.engine.exact.blocks.slides import slides
 from flocking.engine.exact.blocks.tried_steps import LAST
 from flocking.engine.exact.companion import SAFETY
+from flocking.engine.exact.crossings.ball_guards import largest_radius, level_slack
 from flocking.engine.exact.crossings.switch_numbers import agent_difference, pair_speed, switch_errors
 from flocking.engine.exact.crossings.watch_tables import BallWatches
 from flocking.engine.kernels.law_kernels import CompiledLaw, Pairs
@@ -114,7 +116,8 @@ def judge_contact(
         work.v[k] = work.e[LAST, i * m + k]
     off, _ = pair_speed(work.d, work.v)
     bound = SAFETY * agent_difference(work.e, i, m) + q_floor
-    late, drift, delay = switch_errors(bound, np.inf, speed, off, 0.0, 0.0, 0.0)
+    beyond = level_slack(q_floor / ROUNDING, balls.levels[level], largest_radius(balls.radii[level]))
+    late, drift, delay = switch_errors(bound, np.inf, speed, off, 0.0, 0.0, beyond)
     if not np.isfinite(late) or slides(switched, False, balls.levels[level], crossed[c], stop, speed):
         return False
     rows[s, WATCH], rows[s, FIRST], rows[s, SECOND], rows[s, SWITCHED_AT] = crossed[c, 0], i, o, stop

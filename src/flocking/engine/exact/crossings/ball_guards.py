@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.engine.adaptive_steps.segment import BOUND_ROUNDING, ROUNDING
-from flocking.engine.exact.crossings.guards import _PRODUCT, places_and_pairs
+from flocking.engine.exact.crossings.guards import _PRODUCT, on_border, places_and_pairs
 from flocking.engine.kernels.bernstein import NEVER, add_row, all_rows, first_above
 from flocking.formula.native.functions import native_apart
 from flocking.model.checks import Array
@@ -164,6 +164,8 @@ def find_ball_crossings(
             for k in range(15):
                 square[k] = square[k] - edge if near[i, o] else edge - square[k]
             x = first_above(square)
+            if x < NEVER and border > 0.0:
+                x = on_border(relative, square, border, x, 1.0 if near[i, o] else -1.0)
             if x < NEVER:
                 count = add_row(found, count, x, i, o)
     return count

@@ -14,7 +14,14 @@ from numpy.typing import NDArray
 
 from flocking.arrays import Indices
 from flocking.engine.exact.crossings.nearby_pairs import BASE, NearbyPairs, all_pairs
-from flocking.engine.kernels.bernstein import NEVER, add_row, all_rows, first_above, part_from, smallest_value
+from flocking.engine.kernels.bernstein import (
+    NEVER,
+    add_row,
+    all_rows,
+    first_above,
+    part_from,
+    smallest_value,
+)
 from flocking.engine.kernels.displacements import closer_in_row
 from flocking.formula.native.functions import native, native_apart
 from flocking.model.checks import Array
@@ -23,6 +30,12 @@ from flocking.model.graphs.connectivity import Links
 DIP = 0.25
 """A squared distance that falls below this share of the smaller one at the ends is a dip: half the distance."""
 
+
+FAR = 1e3
+"""Share of the square of a border above which squares of distances have too few digits of it."""
+
+ROUNDED_SQUARES = 32.0 * float(np.finfo(np.float64).eps)
+"""Share of the largest of their coefficients by which rounding changes values of squared distances at most."""
 
 _PRODUCT = np.array([[comb(7, a) * comb(7, b) / comb(14, a + b) for b in range(8)] for a in range(8)])
 _RETRIES = 20
@@ -66,6 +79,51 @@ def _moving_so(square: Array, x: float, B: Array, P: Array, i: int, j: int, sign
             return x
         x = _first_above_from(square, x)
     return NEVER
+
+
+def on_border(relative: Array, square: Array, border: float, x: float, sign: float) -> float:
+    """Where a pair is at a border, from the place ``x`` at which its squared distance is, up to rounding.
+
+    Squares of distances far above the border leave few digits of it. By the distance itself, which has more, the place
+    is found again; it stays where that leads no nearer, or to where the pair moves the other way.
+
+    Parameters
+    ----------
+    relative
+        Bernstein coefficients of the vector between the two, shape (8, m).
+    square
+        Those of what its square exceeds that of the border by, or less, shape (15,).
+    border
+        The border; positive.
+    x
+        The place.
+    sign
+        1 where the two come to the border from below, -1 from above.
+    """
+    largest = 0.0
+    for k in range(15):
+        largest = max(largest, abs(square[k]))
+    if not largest > FAR * border * border:
+        return x
+    axis, found, missed = np.empty(8), x, np.inf
+    for _ in range(_RETRIES):
+        apart2, along = 0.0, 0.0
+        for k in range(relative.shape[1]):
+            for a in range(8):
+                axis[a] = relative[a, k]
+            rest = part_from(axis, x)
+            apart2 += rest[0] ** 2
+            if x < 1.0:
+                along += rest[0] * 7.0 * (rest[1] - rest[0]) / (1.0 - x)
+        apart = np.sqrt(apart2)
+        if not abs(border - apart) < missed or not sign * along > 0.0:
+            break
+        found, missed = x, abs(border - apart)
+        rate = along / apart
+        # No further than rounding of the squares may have moved the place.
+        most = ROUNDED_SQUARES * largest / (border * abs(rate))
+        x = min(max(x + min(max((border - apart) / rate, -most), most), 0.0), 1.0)
+    return found
 
 
 def places_and_pairs(rows: Array) -> tuple[Array, NDArray[np.int64]]:
@@ -133,7 +191,7 @@ def find_crossings(
     """
     n = B.shape[1]
     count = 0
-    square = np.empty(15)
+    square, relative = np.empty(15), np.empty((8, B.shape[2]))
     for i in range(n):
         for e in range(nearby.starts[i], nearby.starts[i + 1]):
             j = nearby.partners[e]
@@ -158,6 +216,11 @@ def find_crossings(
             x = first_above(square)
             if x <= 1.0 and P.shape[1]:
                 x = _moving_so(square, x, B, P, i, j, 1.0 if near[i, j] else -1.0)
+            if x <= 1.0 and border > 0.0:
+                for a in range(8):
+                    for k in range(B.shape[2]):
+                        relative[a, k] = B[a, j, k] - B[a, i, k]
+                x = on_border(relative, square, np.sqrt(border), x, 1.0 if near[i, j] else -1.0)
             if x <= 1.0:
                 count = add_row(found, count, x, i, j)
     return count

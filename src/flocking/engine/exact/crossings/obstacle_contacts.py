@@ -12,11 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.engine.adaptive_steps.integration_method import DEGREE
-from flocking.engine.adaptive_steps.segment import Segment
-from flocking.engine.exact.crossings.ball_guards import _place, ball_crossings, centre_paths, level_slack, uniform_balls
+from flocking.engine.adaptive_steps.segment import ROUNDING, Segment
+from flocking.engine.exact.crossings.ball_guards import (
+    _place,
+    ball_crossings,
+    centre_paths,
+    largest_radius,
+    level_slack,
+    uniform_balls,
+)
 from flocking.engine.exact.crossings.switch_numbers import pair_speed
 from flocking.engine.exact.crossings.watch_tables import BallWatches
-from flocking.engine.kernels.obstacle_crossings import first_crossings, speed_bound
+from flocking.engine.kernels.obstacle_crossings import first_crossings, place_slack, speed_bound
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.engine.runs.run import is_tangential
 from flocking.formula.compiled import Reading
@@ -90,6 +97,22 @@ class ObstacleContacts(ObstacleDistances):
         before, after = self.clearance(group, moved, np.array([t, t]), which).tolist()
         return float(after - before)
 
+    def beyond(self, number: int, t: float, q: Array, o: int, q_floor: float) -> float:
+        """How far beyond the level ``number`` of obstacle ``o`` an agent may be that crosses it at a time.
+
+        Parameters
+        ----------
+        t, q
+            The time, and its position, shape (m,).
+        q_floor
+            What rounding adds to a position.
+        """
+        level = self.levels[number]
+        if self._balls[level.group] and _rest(self.groups[level.group].obstacles):
+            return float(level_slack(q_floor / ROUNDING, level.distance, largest_radius(self.radii(level.group))))
+        there = float(self.clearance(level.group, q[None], np.array([t]), np.array([o]))[0])
+        return float(level_slack(q_floor / ROUNDING, level.distance, 0.0)) + abs(there - level.distance)
+
     def next_crossings(
         self, segment: Segment, B: Array, near: list[Links], active: list[Links]
     ) -> list[tuple[int, Array, Indices]]:
@@ -127,18 +150,20 @@ class ObstacleContacts(ObstacleDistances):
             excursion = np.sqrt(((B - B[0]) ** 2).sum(axis=2).max(axis=0))
             clear = self.distances(g, B[0], segment.t0)
             moved = length * np.array([speed_bound(x, segment.t0, segment.t1) for x in group.obstacles])
+            reach = excursion[:, None] + moved
+            located = place_slack(reach, max(abs(segment.t0), abs(segment.t1)), length)
             parts = []
             for number, level in enumerate(self.levels):
                 if level.group != g:
                     continue
-                slack = level_slack(size, level.distance, 0.0)
-                allowance = excursion[:, None] + moved + 2 * slack
+                slack = np.maximum(level_slack(size, level.distance, 0.0), located)
+                allowance = reach + 2 * slack
                 candidates = np.abs(clear - level.distance) <= allowance
                 if level.kind == "rim":
                     candidates &= active[g]
                 i, o = np.nonzero(candidates)
                 sign = np.where(near[number][i, o], 1.0, -1.0)
-                border = level.distance + sign * slack
+                border = level.distance + sign * slack[i, o]
                 parts.append((np.full(len(i), number), i, o, sign, border))
             levels, i, o, sign, border = (np.concatenate(x) for x in zip(*parts, strict=True))
             if len(i):
@@ -186,11 +211,16 @@ class ObstacleContacts(ObstacleDistances):
     ) -> list[tuple[int, Array, Indices]]:
         centres = centre_paths(self.groups[g].obstacles, segment.t0, segment.t1)  # type: ignore[arg-type]
         radii = self.radii(g)
+        moved = np.linalg.norm(centres[-1] - centres[0], axis=-1).max(initial=0.0, keepdims=True)
+        if moved.any():
+            moved += np.abs(centres).max()
+        latest = max(abs(segment.t0), abs(segment.t1))
+        located = float(place_slack(moved, latest, segment.t1 - segment.t0).max())
         found = []
         for number, level in enumerate(self.levels):
             if level.group == g:
                 watched = active[g] if level.kind == "rim" else np.ones_like(active[g])
-                margin = level_slack(size, level.distance, float(np.max(radii, initial=0.0)))
+                margin = max(level_slack(size, level.distance, float(np.max(radii, initial=0.0))), located)
                 when, candidate = ball_crossings(B, centres, radii, near[number], watched, level.distance, margin)
                 if len(when):
                     found.append((number, when, candidate))

@@ -58,6 +58,30 @@ def safe_distance_kept(e: Evidence) -> Measure:
     return above(c.distance, control.distance * (1.0 - ROUNDING), note, error)
 
 
+def _entered(e: Evidence) -> Witness:
+    found = e.nearest_obstacle
+    return Witness(found.time, (found.agent,))
+
+
+@about(Subject.NET, _entered, lasting=True)
+def outside_obstacles(e: Evidence) -> Measure:
+    """Smallest signed distance ever of an agent from an obstacle."""
+    found = e.nearest_obstacle
+    where = f"at t = {e.when(found.time, 3)} (agent {found.agent})"
+    if found.at_samples + found.off <= 0.0:
+        # However agents moved between frames, one is inside there.
+        return above(found.at_samples, 0.0, f"{-found.at_samples:.4g} inside an obstacle {where}", found.off)
+    note = f"closest {found.distance:.4g} to an obstacle"
+    if found.distance < found.at_samples:
+        note += f"; at frames {found.at_samples:.4g}"
+    return above(found.distance, 0.0, f"{note}, {where}", found.error)
+
+
+def needs_obstacles(e: Evidence) -> str:
+    """Why no obstacle is to be kept clear of: none is declared."""
+    return "" if e.obstacles else "no obstacle is declared"
+
+
 def needs_filter(e: Evidence) -> str:
     """Why no distance is to be kept: there is no safety filter."""
     return "" if isinstance(e.run.scenario.control, SafetyFilter) else "no safety filter is declared"

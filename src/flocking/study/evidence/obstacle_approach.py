@@ -1,0 +1,265 @@
+"""How near agents come to obstacles, between the frames too."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from flocking.arrays import Array
+from flocking.engine.runs.run import Run
+from flocking.model.leaders_and_obstacles.leaders import Sink
+from flocking.model.leaders_and_obstacles.obstacles import Obstacle
+from flocking.model.world.safety_filters import SafetyFilter
+from flocking.model.world.times import NANOSECOND
+from flocking.study.curve_distances import MOST_PARTS, RESOLVED, searched_curves
+from flocking.study.evidence.basis import NotMeasurable
+from flocking.study.evidence.motion import MotionEvidence
+from flocking.study.message_logs.recorded_motion import RecordedMotion
+
+LOOKS = 17
+"""Places between two samples at which the path of a moving obstacle is compared with the cubic curve through them."""
+
+LEFT_OUT = 2.0
+"""Largest distance from that curve over the largest at these places: 1.03 for a smooth path, more for a sudden one."""
+
+RIGID = 1e-9
+"""Share of the largest distance by which an obstacle that moves with its leader may seem to change by rounding."""
+
+MOST_PLACES = 10**8
+"""Distances of agents at frames from obstacles that are computed at most, a bound on time: about ten seconds."""
+
+
+class _Samples(NamedTuple):
+    """Samples of a motion.
+
+    Parameters
+    ----------
+    t
+        Times, shape (F,).
+    q, p
+        Positions and velocities, shape (F, N, m).
+    off
+        By how much agents may be away from the cubic curves between samples, shape (F - 1, N).
+    """
+
+    t: Array
+    q: Array
+    p: Array
+    off: Array
+
+
+class Nearest(NamedTuple):
+    """How near agents came to obstacles.
+
+    Parameters
+    ----------
+    distance
+        Smallest signed distance on the curves between samples.
+    error
+        By how much it may be smaller, or larger; infinite where the motion between samples is not known.
+    at_samples, off
+        Signed distance at the sample at which the distance is smallest whatever the errors of positions, and its error.
+    time, agent
+        Where that was.
+    """
+
+    distance: float
+    error: float
+    at_samples: float
+    off: float
+    time: float
+    agent: int
+
+
+def nearest_obstacle(run: Run, obstacles: Sequence[Obstacle], errors: Array | None = None) -> Nearest:
+    """How near agents came to obstacles over a run.
+
+    Behind a safety filter, where forces are held from tick to tick, motions are the parabolas of the logged forces.
+    Otherwise an agent is taken to be on the cubic curve through its positions and velocities at two samples. Samples
+    are the fine ones of the exact engine, eight in each of its steps, where the run has them (``fine=True``), else the
+    frames. How far it may be from the curve is estimated as in `RecordedMotion`: from how much accelerations of
+    neighbouring curves differ and bend. An obstacle that moves is at rest in the frame of its leader, whose path is
+    compared with cubic curves too.
+
+    Parameters
+    ----------
+    run
+        The run.
+    obstacles
+        The obstacles, convex; at least one.
+    errors
+        Errors of positions at the frames, shape (F,); none where absent.
+
+    Returns
+    -------
+    Nearest
+        The error is infinite of fewer than three samples that no log connects, and where an obstacle changes otherwise
+        than by the motion of its leader.
+    """
+    samples = _held(run) or _recorded(run)
+    at_samples = np.zeros(len(samples.t))
+    if errors is not None:
+        at_samples = _largest_around(samples.t, samples.t, run.t, errors)
+        between = _largest_around(samples.t[:-1], samples.t[1:], run.t, errors)
+        samples = samples._replace(off=samples.off + between[:, None])
+    known = bool(np.isfinite(samples.off).all()) and len(samples.t) > 1
+    if not known:
+        samples = samples._replace(off=np.zeros_like(samples.off))
+    found = [_least(x, samples, at_samples) for x in obstacles]
+    near, lowest = min(x.distance for x in found), min(x.distance - x.error for x in found)
+    first = min(found, key=lambda x: x.at_samples + x.off)
+    return Nearest(near, near - lowest if known else np.inf, *first[2:])
+
+
+class ObstacleEvidence(MotionEvidence):
+    """How near agents came to the obstacles of their law and of their safety filter."""
+
+    @cached_property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """The obstacles that the scenario declares."""
+        control, law = self.run.scenario.control, self.law
+        kept = control.obstacles if isinstance(control, SafetyFilter) else ()
+        return (*(x for term in law.terms for x in term.solids(self.run.scenario.start.dimension)), *kept)
+
+    @cached_property
+    def nearest_obstacle(self) -> Nearest:
+        """How near agents came to `obstacles`, with the errors of positions that the run states.
+
+        Its error is infinite where frames do not cover the run.
+
+        Raises
+        ------
+        NotMeasurable
+            When there are no frames or too many of them, or no obstacles.
+        NotResolvable
+            When positions are unusable, or the law was replaced while the run went on.
+        """
+        self.need_one_motion()
+        if not self.obstacles:
+            raise NotMeasurable("no obstacle is declared")
+        run = self.checked
+        if self.q.shape[0] * self.q.shape[1] * len(self.obstacles) > MOST_PLACES:
+            count = len(self.obstacles)
+            raise NotMeasurable(f"{len(self.t)} frames of {run.n} agents are too many beside {count} obstacles")
+        found = nearest_obstacle(run, self.obstacles, self.frame_errors)
+        samples = run if run.fine is None or not len(run.fine.t) else run.fine
+        begins = self.is_running or samples.t[0] <= run.scenario.start.t
+        ends = run.status != "finished" or samples.t[-1] >= run.scenario.t_end
+        return found if begins and ends and not self.sampled else found._replace(error=np.inf)
+
+    @property
+    def frame_errors(self) -> Array:
+        """Estimated errors of the positions of agents at the frames, shape (F,); 0 where none is stated."""
+        found = np.full(len(self.t), self.position_error * float(np.sqrt(self.run.q.shape[2])))
+        if self.run.accuracy is None or not len(self.run.accuracy.frames):
+            return found
+        errors = np.asarray(self.run.accuracy.frames[:, 0], dtype=np.float64)
+        return found + (errors if len(errors) == len(found) else errors.max(initial=0.0))
+
+
+def _recorded(run: Run) -> _Samples:
+    """The fine samples of a run, or its frames."""
+    samples = run.fine if run.fine is not None and len(run.fine.t) else run
+    t, q, p = (np.asarray(x, dtype=np.float64) for x in (samples.t, samples.q, samples.p))
+    if run.scenario.agents.order == 1:
+        p = np.gradient(q, t, axis=0) if len(t) > 1 else np.zeros_like(q)
+    if len(t) < 2:
+        return _Samples(t, q, p, np.zeros((0, q.shape[1])))
+    start = run.scenario.start
+    motion = RecordedMotion(run, samples=samples)
+    middle = (0.5 * (t[1:] + t[:-1]) - start.t)[:, None]
+    # In the middle between two samples the estimate is largest.
+    return _Samples(t, q, p, motion.at(middle, np.arange(q.shape[1])[None]).off_q)
+
+
+def _held(run: Run) -> _Samples | None:
+    """States at the ticks and the frames of a run behind a safety filter; None where no log holds its forces.
+
+    A filter is for undamped point masses: under a force that is held they are on parabolas. From every frame the motion
+    is computed anew; by how much it misses the next one is its error.
+    """
+    control, start = run.scenario.control, run.scenario.start
+    if not isinstance(control, SafetyFilter) or run.log is None or np.any(control.latencies(start.n)):
+        return None
+    log = run.log
+    ticks: dict[float, list[int]] = {}
+    for row, instant in enumerate(log.ticks[:, 0].tolist()):
+        ticks.setdefault(start.t + instant * NANOSECOND, []).append(row)
+    frames = {float(t): k for k, t in enumerate(run.t)}
+    times = np.array(sorted({start.t, *frames, *(t for t in ticks if t < run.t[-1])}))
+    masses = np.broadcast_to(np.asarray(run.scenario.agents.masses, dtype=np.float64), start.n)[:, None]
+    forces = np.zeros_like(start.q)
+    q, p, now, missed = start.q, start.p, float(start.t), 0.0
+    places, speeds = [], []
+    for t in times.tolist():
+        q, p = q + p * (t - now) + 0.5 * forces / masses * (t - now) ** 2, p + forces / masses * (t - now)
+        if (frame := frames.get(t)) is not None:
+            missed = max(missed, float(np.linalg.norm(q - run.q[frame], axis=1).max(initial=0.0)))
+            q, p = np.asarray(run.q[frame], dtype=np.float64), np.asarray(run.p[frame], dtype=np.float64)
+        rows = ticks.get(t, [])
+        forces[log.ticks[rows, 1]] = log.forces[rows]
+        places.append(q)
+        speeds.append(p)
+        now = t
+    return _Samples(times, np.array(places), np.array(speeds), np.full((len(times) - 1, start.n), missed))
+
+
+def _largest_around(begin: Array, end: Array, frames: Array, errors: Array) -> Array:
+    """Largest of the ``errors`` at frames from the last before each ``begin`` to the first after each ``end``."""
+    last = len(frames) - 1
+    before = np.clip(np.searchsorted(frames, begin, side="right") - 1, 0, last)
+    after = np.maximum(before, np.clip(np.searchsorted(frames, end, side="left"), 0, last))
+    return np.array([errors[a : b + 1].max(initial=0.0) for a, b in zip(before, after, strict=True)])
+
+
+def _relative(obstacle: Obstacle, samples: _Samples) -> _Samples:
+    """The samples in the frame of an obstacle, where it rests as it is at the first of them."""
+    mover, t = obstacle.mover, samples.t
+    if mover is None or type(mover) is Sink:
+        return samples
+    place, velocity, _ = mover.along(t)
+    off = np.zeros(len(t) - 1)
+    h = np.diff(t)[:, None]
+    for x in (np.arange(LOOKS) + 1.0) / (LOOKS + 1.0):
+        curve = (
+            (1 + 2 * x) * (1 - x) ** 2 * place[:-1] + x**2 * (3 - 2 * x) * place[1:]
+            + h * x * (1 - x) * ((1 - x) * velocity[:-1] - x * velocity[1:])
+        )  # fmt: skip
+        off = np.maximum(off, np.linalg.norm(curve - mover.along(t[:-1] + x * h[:, 0])[0], axis=1))
+    q = samples.q - place[:, None] + place[0]
+    return _Samples(t, q, samples.p - velocity[:, None], samples.off + LEFT_OUT * off[:, None])
+
+
+def _least(obstacle: Obstacle, samples: _Samples, errors: Array) -> Nearest:
+    """The smallest distance of agents from one obstacle, with the ``errors`` of positions at the samples."""
+    shape = samples.q.shape
+    moving = obstacle.distance_function()
+    values = [np.full(shape[0] * shape[1], value) for value in obstacle.parameters.values()]
+    places = samples.q.reshape(-1, shape[2])
+    ends = moving(places, np.repeat(samples.t, shape[1]), values).reshape(shape[:2])
+    frame, agent = np.unravel_index(int((ends + errors[:, None]).argmin()), ends.shape)
+    where = float(ends[frame, agent]), float(errors[frame]), float(samples.t[frame]), int(agent)
+    nearest = float(ends.min())
+    if len(samples.t) < 2:
+        return Nearest(nearest, 0.0, *where)
+    t, q, p, off = _relative(obstacle, samples)
+    rest = obstacle.distance(q.reshape(places.shape), float(t[0])).reshape(ends.shape)
+    if not (np.abs(rest - ends) <= RIGID * np.abs(ends).max() + RIGID * np.abs(q).max()).all():
+        return Nearest(nearest, np.inf, *where)
+    h = np.diff(t)[:, None, None] / 3.0
+    # Each cubic curve lies in the hull of four points.
+    points = np.stack([q[:-1], q[:-1] + p[:-1] * h, q[1:] - p[1:] * h, q[1:]], axis=2).reshape(-1, 4, shape[2])
+    tolerance = RESOLVED * max(float(np.abs(points).max(initial=0.0)), np.finfo(np.float64).tiny)
+    lowest = min(nearest, float((np.minimum(ends[1:], ends[:-1]) - off).min()))
+    aways = off.ravel()
+    hidden = np.inf
+    for first in range(0, len(points), MOST_PARTS):
+        block = slice(first, first + MOST_PARTS)
+        nearest, lowest, missed = searched_curves(
+            obstacle, t[0], points[block], aways[block], nearest, lowest, tolerance
+        )
+        hidden = min(hidden, missed)
+    return Nearest(nearest, nearest - min(lowest, hidden), *where)
