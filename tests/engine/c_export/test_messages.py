@@ -69,11 +69,31 @@ def test_times_out_of_range_have_a_code(tmp_path):
     memory = compiled.begin(0)
     for stamp, now in ((-(2**63), 5), (-LATEST - 1, 5), (5, LATEST + 1), (6, 5)):
         assert compiled.receive(memory, 1, [2.0, 0.0], REST, stamp=stamp, now=now) == CODES["TIME"]
-    assert compiled.receive(memory, 1, [2.0, 0.0], REST, stamp=-LATEST, now=LATEST) == CODES["OK"]
+    assert compiled.receive(memory, 1, [2.0, 0.0], REST, stamp=-LATEST, now=LATEST) == CODES["OLD"]
     for now in (-(2**63), -LATEST - 1, LATEST + 1):
         assert compiled.control(memory, REST, REST, now)[0] == CODES["TIME"]
         assert compiled.start(memory, REST, now) == CODES["TIME"]
     assert compiled.control(memory, REST, REST, LATEST)[0] == CODES["OK"]
+    assert known(memory) == []
+
+
+@pytest.mark.parametrize("single", [False, True])
+def test_a_message_that_has_expired_when_it_arrives_takes_the_place_of_none(single, tmp_path):
+    information = fk.Messages(0.1, expires=0.5)
+    scenario = scenario_of(LAW, 4, information=information, control=fk.Held(0.1))
+    compiled = CompiledLaw(tmp_path, scenario, float32=single, neighbours=1)
+    memory, now = compiled.begin(0), 10 * SECOND
+    assert compiled.receive(memory, 2, [50.0, 0.0], REST, stamp=now) == CODES["OK"]
+    assert compiled.control(memory, REST, REST, now)[0] == CODES["OK"]
+    late = now - SECOND // 2
+    assert compiled.receive(memory, 1, [2.0, 0.0], REST, stamp=late, now=now) == CODES["OLD"]
+    assert (known(memory), memory.lost) == ([2], 0)
+    # One nanosecond younger it is used, and takes the place of the one that is farther.
+    assert compiled.receive(memory, 1, [2.0, 0.0], REST, stamp=late + 1, now=now) == CODES["ROOM"]
+    assert known(memory) == [1]
+    # A later sample of the same sender that has expired leaves what is known, which has too, to the next call.
+    assert compiled.receive(memory, 1, [3.0, 0.0], REST, stamp=late + 2, now=now + SECOND) == CODES["OLD"]
+    assert compiled.control(memory, REST, REST, now + SECOND)[0] == CODES["OK"]
     assert known(memory) == []
 
 

@@ -7,7 +7,7 @@ from flocking.model.world.safety_filters import SAMPLED
 
 STATUS = (
     ("OK", "the force is valid"),
-    ("OLD", "the message was not measured later than what is known of its sender, and is not used"),
+    ("OLD", "the message has expired, or was not measured later than what is known of its sender, and is not used"),
     ("NO_AGENT", "no such agent, or the agent itself"),
     ("NOT_FINITE", "an argument is not finite"),
     ("FULL", "no slot is free, and none is given up for one so far away; the message is not used"),

@@ -21,6 +21,12 @@ def message_source(law: ExportedLaw, name: str, c: CSource) -> str:
         Writes numbers.
     """
     x, X, real = f"{name}_", f"{name.upper()}_", f"{name}_real"
+    late = (
+        f"    /* A sample that has expired is used by no call: nobody is removed for it. */\n"
+        f"    if ((now - message->stamp) >= INT64_C({law.expires}))\n    {{\n        return {X}OLD;\n    }}\n"
+        if law.expires is not None
+        else ""
+    )
     expired = (
         f"    if ((known == 0u) && (memory->count >= {X}NEIGHBOURS))\n    {{\n"
         f"        /* An expired sample makes room for another one, before a control removes it. */\n"
@@ -108,6 +114,7 @@ int32_t {x}receive({x}memory *memory, int64_t now, const {x}message *message)
     {{
         return {X}TIME;
     }}
+{late}\
     if (known != 0u)
     {{
         const {x}message *kept;
