@@ -76,3 +76,45 @@ def test_a_tiled_session_that_is_stored_knows_what_was_replaced(law):
     again = type(session).unpack(session.pack(), Stored(session.scenario, None, counts, lambda: run), {})
     assert again.records.replaced_at == session.records.replaced_at
     assert again.fidelity.changed is (law is not None)
+
+
+APART = fk.State([[0.0, 0.0], [2.1, 0.0], [0.0, 50.0]], [[0.0, 0.0], [-1.0, 0.0], [0.0, 0.0]])
+"""The first two come near, from where they are not linked to where a link would stay but none appears, and back."""
+
+LATE = {
+    "exact": {},
+    "delayed": {"information": fk.Delayed(0.05)},
+    "delayed messages": {"information": fk.Messages(0.02, delay=0.01)},
+}
+
+
+def remembering(beside: fk.Graph, gain: float = 0.0, *, first: bool = False) -> fk.Law:
+    """Links with a memory, and other ones beside them."""
+    memory = fk.Hysteresis(2.0, 0.5)
+    own, other = (beside, memory) if first else (memory, beside)
+    return fk.Law(own, [fk.Consensus(gain), fk.Consensus(0.0, over=other)])
+
+
+CHANGES = {
+    "a radius": (remembering(fk.Proximity(0.4)), remembering(fk.Proximity(0.5))),
+    "a cone of the same numbers": (remembering(fk.Cone(0.4, 1.0)), remembering(fk.Cone(0.4, 1.0), 1e-9)),
+    "the law's own graph": (
+        remembering(fk.Proximity(0.4), first=True), remembering(fk.Proximity(0.5), first=True),
+    ),
+    "the order": (remembering(fk.Proximity(0.4)), remembering(fk.Proximity(0.4), first=True)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.parametrize("engine", LATE)
+def test_graphs_that_stay_keep_their_links_where_another_graph_of_the_law_is_replaced(engine, change):
+    """A start would link the two, which are nearer than links break; the memory of the first law says they are not."""
+    before, after = CHANGES[change]
+    agents = fk.PointMass(headings=[0.0, 0.0, 0.0])
+    session = fk.start(fk.Scenario(before, APART, t_end=1.0, frames=2, agents=agents, **LATE[engine]))
+    session.advance(0.41)
+    session.replace(law=after)
+    session.advance(1.0)
+    # They are linked from the distance of 1.5 on, not from the replacement on.
+    appeared = [row["time"] for row in session.run().switches if row["kind"] == "appear"]
+    assert appeared == [pytest.approx(0.6, abs=1e-6)]

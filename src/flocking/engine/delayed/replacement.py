@@ -10,6 +10,7 @@ from flocking.arrays import Array, Links
 from flocking.engine.delayed.delayed_law import DelayedLaw
 from flocking.engine.delayed.supported_worlds import check_delayed_law
 from flocking.errors import InvalidInput
+from flocking.model.graphs.kept_graphs import kept_graphs
 from flocking.model.law import Law, Scenario
 from flocking.model.serial import ForeignPart, to_data
 from flocking.model.state import State
@@ -29,12 +30,15 @@ class Replacement:
         The state; None where it goes on as it is.
     keeps_graphs
         Whether the graphs are those of before.
+    kept
+        Numbers of the graphs that are among those of before, each with the number that it had.
     """
 
     scenario: Scenario
     law: DelayedLaw
     state: State | None
     keeps_graphs: bool
+    kept: list[tuple[int, int]]
 
     @property
     def keeps_links(self) -> bool:
@@ -102,6 +106,7 @@ def replacement(
     """
     declared, end = law or scenario.law, max(scenario.t_end, present.t)
     keeps = tuple(declared.graphs) == tuple(scenario.law.graphs)
+    kept = kept_graphs(declared.graphs, scenario.law.graphs)
     if state is not None:
         if state.q.shape != present.q.shape:
             raise InvalidInput("DelayedSession", "state", f"must have the shape {present.q.shape}", state.q.shape)
@@ -119,4 +124,4 @@ def replacement(
     check_delayed_law(engine, scenario, None)
     new = dynamics.renumbered(scenario) or DelayedLaw(scenario)
     new.held = dynamics.held.copy()
-    return Replacement(scenario, new, state, keeps)
+    return Replacement(scenario, new, state, keeps, kept)

@@ -97,10 +97,10 @@ class DelayedSession(DelayedSteps):
     def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
         """Replace the law or the state from the session's time on; the past stays what it was.
 
-        The present step ends, the forces jump, and the change of energy counts as a jump of the ledger. A law over the
-        same graphs keeps links and what agents know of them; under other graphs both are those of a start. Agents know
-        of another state when its delay has passed. A state with links sets those of the law's graph, and between
-        agents that it does not move also what these know of them. An equal law changes nothing.
+        The present step ends, the forces jump, and the change of energy counts as a jump of the ledger. Graphs that a
+        new law shares with the one before keep links and what agents know of them; under others both are those of a
+        start. Agents know of another state when its delay has passed. A state with links sets those of the law's
+        graph, and between agents that it does not move also what these know of them. An equal law changes nothing.
 
         Raises
         ------
@@ -217,10 +217,15 @@ class DelayedSession(DelayedSteps):
         self.links = np.array([links_at_state(g, scenario.space, state, headings) for g in scenario.law.graphs])
         if new.state is not None and new.state.links is not None:
             self.links[0] = new.state.links
-        if not new.keeps_graphs or new.state is None:
-            self.known_links = self.links_by_known_distances(self.links.copy(), seconds, y)
-            return
         known = self.known_links
+        if not new.keeps_graphs or new.state is None:
+            kept = new.kept if new.state is None else []
+            for graph, was in kept:
+                self.links[graph] = before[was]
+            self.known_links = self.links_by_known_distances(self.links.copy(), seconds, y)
+            for graph, was in kept:
+                self.known_links[graph] = known[was]
+            return
         if new.state.links is not None:
             # Links that are cut or made without a move; of moves agents know when their delays have passed.
             known = np.where((self.links != before) & ~(moved | moved[:, None]), self.links, known)

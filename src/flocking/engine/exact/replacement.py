@@ -9,6 +9,7 @@ from flocking.engine.exact.crossings.switching import LinkState
 from flocking.engine.exact.dynamics import Dynamics
 from flocking.engine.exact.origin import Origin, may_have, origin_of
 from flocking.errors import InvalidInput
+from flocking.model.graphs.kept_graphs import kept_graphs
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 
@@ -126,7 +127,7 @@ def replacement(
         origin = origin_of(scenario, plant, new, origin.time)
         begin = origin.inwards(new)
     fresh = LinkState(acting, replace(begin, t=own, links=new.links), scenario.agents, origin.time, scenario.space)
-    if state is None and acting.graphs == links.graphs:
-        for matrix, known in zip(fresh.links, links.links, strict=True):
-            matrix[:] = known
+    if state is None:
+        for graph, was in kept_graphs(acting.graphs, links.graphs):
+            fresh.links[graph][:] = links.links[was]
     return Replacement(scenario, plant, origin, begin, fresh, segment)

@@ -357,8 +357,8 @@ class ExactSession(AdaptiveSession):
     def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
         """Replace the law or the state from the session's time on.
 
-        The change of energy counts as a jump of the ledger. A law over the same graphs keeps their link memory; a state
-        with links sets that of the law's graph. A new law replaces a plant, too.
+        The change of energy counts as a jump of the ledger. Graphs that a new law shares with the one before keep their
+        links, others have those of a start; a state with links sets those of the law's graph. A plant is replaced, too.
 
         Raises
         ------

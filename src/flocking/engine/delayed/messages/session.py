@@ -166,12 +166,12 @@ class MessagesSession(DelayedSession):
 
         What falls on an instant of messages at this time comes first. Forces jump, by what agents know; the change of
         energy counts as a jump of the ledger. Agents know of another state of a neighbour when a sample arrives that
-        was taken later, of their own at once, or by their next sample with ``self_known="measured"``. A law over the
-        same graphs keeps links and what agents know of them; under other graphs both are those of a start, of whom
-        something is known. A state with links sets those of the law's graph, and between agents that it does not move
-        also what these know of them. An equal law changes nothing. Where leaders are known by messages, agents follow
-        those of another law, in the order of its terms, by the samples of those before until one arrives that was
-        taken later.
+        was taken later, of their own at once, or by their next sample with ``self_known="measured"``. Graphs
+        that a new law shares with the one before keep links and what agents know of them; under others both are those
+        of a start, of whom something is known. A state with links sets those of the law's graph, and between agents
+        that it does not move also what these know of them. An equal law changes nothing. Where leaders are known by
+        messages, agents follow those of another law, in the order of its terms, by the samples of those before until
+        one arrives that was taken later.
 
         Raises
         ------
