@@ -23,6 +23,7 @@ from flocking.engine.imperfect.pair_switches import TwoPaths, WatchedLink, add_s
 from flocking.engine.imperfect.turning_views import MovingView, add_turning_changes, turning_paths
 from flocking.engine.imperfect.view_switches import Looking, View
 from flocking.engine.kernels.bernstein import all_rows
+from flocking.errors import SimulationError
 from flocking.formula.native.functions import native_apart
 from flocking.model.space import Space
 
@@ -210,3 +211,26 @@ def known_view_switches(
     given = paths, span, links, turning, headings, view.cosines, view.radii, size
     rows = all_rows(lambda found: int(find_known_view_switches(*given, found)), 3)
     return np.column_stack([rows, np.full(len(rows), float(graph))])
+
+
+def without_end(time: float, agents: tuple[int, ...], *, seen: bool) -> SimulationError:
+    """The error for a known link that would switch to and fro without end.
+
+    Parameters
+    ----------
+    time, agents
+        When, and the agent that knows and the one that is known.
+    seen
+        Whether it follows a field of view or a cone.
+    """
+    fix = (
+        "Fields of view and cones have no memory of links: hold the control, as control=fk.Held(0.01), with Messages "
+        "in the place of Delayed."
+        if seen
+        else "Use a graph with hysteresis."
+    )
+    return SimulationError(
+        f"The state of agent {agents[1]} that agent {agents[0]} has stays where a link switches, and it would switch "
+        f"without end. {fix}",
+        time=time, agents=agents,
+    )  # fmt: skip

@@ -13,14 +13,14 @@ from flocking.engine.adaptive_steps.stepper import Stepper, StepperMemory
 from flocking.engine.delayed.delayed_law import DelayedLaw
 from flocking.engine.delayed.delays import Delays, OneDelay
 from flocking.engine.delayed.history import History, position_series, split_state
-from flocking.engine.delayed.known_links import followed_links
+from flocking.engine.delayed.known_links import followed_links, without_end
 from flocking.engine.delayed.met_obstacles import NOBODY, Crossings, MetObstacles
 from flocking.engine.delayed.pair_delays import PairDelays
 from flocking.engine.imperfect.graph_views import turns_with_bodies, views_now, with_bodies
 from flocking.engine.imperfect.powers import FIFTEEN, Powers, integrated
 from flocking.engine.imperfect.session import ImperfectSession
 from flocking.engine.imperfect.true_law import check_forces
-from flocking.errors import InvalidInput, NotFinite, SimulationError
+from flocking.errors import InvalidInput, NotFinite
 from flocking.model.law import Scenario
 from flocking.model.world.information import Delayed
 
@@ -388,17 +388,14 @@ class DelayedSteps(AdaptiveSession, ImperfectSession):
         for i, j, graph in self.pending.tolist():
             self.known_links[graph, i, j] = not self.known_links[graph, i, j]
         agents, switched = tuple(self.pending[0, :2].tolist()), np.unique(self.pending[:, 0])
+        seen = int(self.pending[0, 2]) in self._views
         self.pending = np.zeros((0, 3), dtype=np.int64)
         self._relink_known()
         self.delays.points.jump(seconds, switched, self.known_links)
         self._begin_anew(seconds)
         self._check_slope()
         if self._short_steps > SLIDING:
-            raise SimulationError(
-                f"The state of agent {agents[1]} that agent {agents[0]} has stays where a link switches, and it "
-                "would switch without end. Use a graph with hysteresis.",
-                time=self._base + seconds, agents=agents,
-            )  # fmt: skip
+            raise without_end(self._base + seconds, agents, seen=seen)
 
     def _check_slope(self) -> None:
         """Refuse to go on where no step is short enough for the forces."""

@@ -37,7 +37,8 @@ def resume(
 ) -> Run:
     """Continue a run on disk from its last commit to the end of its scenario.
 
-    The result equals that of an uninterrupted run bit for bit on the same machine and versions.
+    The result equals that of an uninterrupted run bit for bit on the same machine and versions, of ``engine="lammps"``
+    up to rounding, since sums are in the order in which its ranks have the agents.
     A finished run is read and returned, also from a folder that cannot be written.
 
     Parameters

@@ -47,7 +47,8 @@ def sliding(time: float, agents: tuple[int, ...]) -> Chattering:
     """The error for ``agents`` that do not leave a distance, or border of a view, that they cross at ``time``."""
     return Chattering(
         "A pair crosses the same distance, or border of a field of view, to and fro and does not leave it (a Filippov "
-        "sliding mode). Use Hysteresis with a gap, or a force that vanishes smoothly at the radius.",
+        "sliding mode). Use Hysteresis with a gap, or a force that vanishes smoothly at the radius. Fields of view "
+        "have no memory of links: hold the control, as control=fk.Held(0.01), under which agents look at ticks alone.",
         time=time, agents=agents,
     )  # fmt: skip
 

@@ -80,7 +80,7 @@ def test_38_more_random_worlds(seed):
 
 @pytest.mark.parametrize("seed", SLIDING)
 def test_pairs_that_slide_along_a_border_stop_the_run(seed):
-    with pytest.raises(SimulationError, match="would switch without end"):
+    with pytest.raises(SimulationError, match=r"would switch without end\. Fields of view and cones have no memory"):
         fk.simulate(viewed(seed)[0], progress=False)
 
 
