@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import pytest
 
 import flocking as fk
+from flocking.apps.cli import main
 from flocking.apps.commands.run_summary import facts, summary
 from flocking.engine.runs.run import OF_VELOCITIES
 
@@ -82,6 +84,21 @@ def test_an_energy_that_is_known_for_a_part_of_the_run_is_not_that_at_the_end():
     found = summary(run)
     assert dict(facts(found))["energy"].endswith("at t = 0.1, where the ledger ends")
     assert found["energy"]["ledger_ends"] == run.trace["time"][-1] == 0.1
+    assert dict(facts(found))["ledger residual"].endswith(" moved, until the ledger ends")
+
+
+def test_a_ledger_that_ends_where_it_begins_has_no_residual(tmp_path, capsys):
+    """The two are beyond the barrier before the first tick: rows of one time balance whatever moved."""
+    law = fk.Law(fk.Proximity(1.0), [fk.Gradient(fk.Potential("-log(1 - r**2)"))])
+    start = fk.State([[0.0, 0.0], [0.5, 0.0]], [[0.0, 0.0], [9.0, 0.0]])
+    run = fk.simulate(fk.Scenario(law, start, t_end=1.0, frames=4, control=fk.Held(0.1)), progress=False)
+    assert run.trace["time"].max() == 0.0
+    found = summary(run)
+    assert found["ledger_residual"] is None
+    assert dict(facts(found))["ledger residual"] == "not known, the ledger ends where it begins"
+    fk.write_run(run, tmp_path / "run")
+    assert main(["info", str(tmp_path / "run"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["ledger_residual"] is None
 
 
 @pytest.mark.parametrize(

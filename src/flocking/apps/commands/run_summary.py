@@ -80,7 +80,9 @@ def summary(run: Run) -> dict[str, Any]:
         if "ledger ends" in run.provenance:
             # A link broke or appeared over a barrier, whose energy is infinite.
             found["energy"]["ledger_ends"] = float(run.trace["time"][-1])
-        found["ledger_residual"] = float(np.abs(run.residual).max())
+        # Rows of one time balance whatever moved afterwards.
+        spans = run.trace["time"][-1] > run.trace["time"][0]
+        found["ledger_residual"] = float(np.abs(run.residual).max()) if spans else None
         found["turnover"] = run.turnover
     found["provenance"] = run.provenance
     return found
@@ -151,8 +153,11 @@ def _residual(found: dict[str, Any]) -> str:
     """The ledger's residual, also as a share of the energy moved."""
     if "ledger_residual" not in found:
         return ""
-    moved = found["turnover"]
-    return f"{found['ledger_residual']:.2e}" + (f", of {moved:.4g} moved" if moved > 0 else "")
+    residual, moved = found["ledger_residual"], found["turnover"]
+    if residual is None:
+        return "not known, the ledger ends where it begins"
+    until = ", until the ledger ends" if "ledger_ends" in found.get("energy", {}) else ""
+    return f"{residual:.2e}" + (f", of {moved:.4g} moved" if moved > 0 else "") + until
 
 
 class _Wound(TypedDict):
