@@ -259,7 +259,7 @@ def test_a_log_that_asks_for_more_than_there_can_be_is_refused_when_it_is_read(w
     changed = tables[{"ticks": "tick", "uses": "use"}[part]]
     changed[-4:, column] = value
     with pytest.raises(MalformedError, match=said):
-        _check_log(whole.scenario, tables)
+        _check_log(whole.scenario, tables, whole.scenario.t_end)
     if column == 2 and part == "ticks":
         with pytest.raises(MalformedError, match="all entries of every act"):
             MessageLog(changed[-4:], whole.log.forces[-4:], whole.log.uses[:0])

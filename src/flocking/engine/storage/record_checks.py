@@ -27,8 +27,9 @@ MOST_SAMPLES = 2**56
 
 
 def check_records(
-    folder: Path, scenario: Scenario, record: dict[str, object], parts: dict[str, AnyArray], tables: dict[str, AnyArray]
-) -> None:
+    folder: Path, scenario: Scenario, record: dict[str, object], parts: dict[str, AnyArray],
+    tables: dict[str, AnyArray], end: float,
+) -> None:  # fmt: skip
     """Check that frames and tables belong to a run of this scenario.
 
     Parameters
@@ -37,6 +38,8 @@ def check_records(
         The record of the run.
     parts, tables
         Arrays of frames, and other arrays, by name.
+    end
+        The end of the scenario, or a later time until which the run went on.
 
     Raises
     ------
@@ -63,7 +66,7 @@ def check_records(
     if isinstance(about, dict) and about["left_out"]:
         check_sums(folder, about, "sums", scenario_sums(scenario), code=False)
     try:
-        _check(scenario, parts, tables)
+        _check(scenario, parts, tables, end)
     except MalformedError as error:
         raise StorageError(f"{folder}: the data do not fit the scenario: {error}; the file was damaged.") from None
 
@@ -107,7 +110,7 @@ def _begins_with(scenario: Scenario, parts: dict[str, AnyArray]) -> bool:
     return not bool((np.abs(found - start.q) > SAME_PLACE * np.abs(start.q).max(initial=0.0)).any())
 
 
-def _check(scenario: Scenario, parts: dict[str, AnyArray], tables: dict[str, AnyArray]) -> None:
+def _check(scenario: Scenario, parts: dict[str, AnyArray], tables: dict[str, AnyArray], end: float) -> None:
     n = scenario.start.n
     times = parts["time"]
     Table("f8", (None,)).check(times, "time")
@@ -130,21 +133,21 @@ def _check(scenario: Scenario, parts: dict[str, AnyArray], tables: dict[str, Any
         if name in tables:
             Table(SWITCHES[name], (None,), least=0, most=highest).check(tables[name], name)
     if "tick" in tables:
-        _check_log(scenario, tables)
+        _check_log(scenario, tables, end)
     for name, values in {**parts, **tables}.items():
         if values.dtype.kind == "b" and np.ascontiguousarray(values).view(np.uint8).max(initial=0) > 1:
             raise MalformedError(f"{name} must contain boolean values")
 
 
-def _check_log(scenario: Scenario, tables: dict[str, AnyArray]) -> None:
-    """Check that a log names agents, graphs and samples that there may be."""
+def _check_log(scenario: Scenario, tables: dict[str, AnyArray], last: float) -> None:
+    """Check that a log names agents, graphs and samples that there may be until a time."""
     n, graphs = scenario.start.n, len(scenario.law.graphs)
     ticks, uses = tables["tick"], tables["use"]
     oldest = DELAYED if isinstance(scenario.information, Delayed) else PRESENT
     Table("f8", (len(ticks), scenario.start.dimension)).check(tables["tick_force"], "tick_force")
     Table("i8", (None, len(TICK_PARTS)), least=0).check(ticks, "tick")
     # A log that names a later time, or more entries than there are, would ask the second computation for their samples.
-    end = math.ceil((scenario.t_end - scenario.start.t) * PER_SECOND)
+    end = math.ceil((last - scenario.start.t) * PER_SECOND)
     for column, most in ((0, end), (1, n - 1), (2, len(uses))):
         Table("i8", (None,), least=0, most=most).check(ticks[:, column].copy(), "tick")
     for column, least, most in ((0, LEADER, graphs - 1), (1, LEADER_SENDER, n - 1), (2, oldest, MOST_SAMPLES)):

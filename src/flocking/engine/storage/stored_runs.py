@@ -35,6 +35,7 @@ from flocking.engine.runs.columns import (
 )
 from flocking.engine.runs.fidelity import Fidelity
 from flocking.engine.runs.message_log import MessageLog
+from flocking.engine.runs.provenance import last_time
 from flocking.engine.runs.run import OBSERVED_FIELDS, TRACE_FIELDS, Closest, Run
 from flocking.engine.runs.run_errors import accuracy_of
 from flocking.engine.runs.stored_fidelity import fidelity_of
@@ -167,10 +168,10 @@ def _read_run(folder: Path, scenario: Scenario, frames: int | None, last: int | 
             raise StorageError(f"{folder}: the table {name!r} does not match its checksum; the file was damaged.")
     if COLUMN in tables:
         tables[COLUMN] = tables[COLUMN][first:count]
-    check_records(folder, scenario, record, parts, tables)
+    provenance = dict(group.attrs["provenance"])
+    check_records(folder, scenario, record, parts, tables, last_time(scenario, provenance))
     errors = tables.get(FRAME_ERROR)
     columns = separate_columns(scenario, tables[COLUMN]) if COLUMN in tables else {}
-    provenance = dict(group.attrs["provenance"])
     linked, unlinked = (_closest_of(c) for c in record["closest"])
     found = Run(
         scenario, parts["time"], parts["position"], parts["velocity"],

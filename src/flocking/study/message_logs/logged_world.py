@@ -10,6 +10,7 @@ import numpy as np
 from flocking.arrays import Array
 from flocking.engine.protocol.body_chains import is_integrated
 from flocking.engine.runs.message_log import LEADER, LEADER_SENDER, OWN, MessageLog, keeping_logs
+from flocking.engine.runs.provenance import last_time
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.graphs.distance_graphs import Graph
@@ -217,6 +218,9 @@ class LoggedWorld:
     """
 
     def __init__(self, run: Run, scenario: Scenario, log: MessageLog) -> None:
+        if (end := last_time(scenario, run.provenance)) > scenario.t_end:
+            # Gusts and messages went on with the session.
+            scenario = scenario.with_numbers(scenario.law, end)
         self.scenario, self.log = scenario, log
         self.base, self.space = scenario.start.t, scenario.space
         self.law = ReferenceLaw(scenario)
