@@ -10,7 +10,7 @@ import numpy as np
 
 from flocking.arrays import Array
 from flocking.engine.runs.run import Run
-from flocking.model.leaders_and_obstacles.leaders import Sink
+from flocking.model.leaders_and_obstacles.leaders import Leader, Sink
 from flocking.model.leaders_and_obstacles.obstacles import Obstacle
 from flocking.model.world.safety_filters import SafetyFilter
 from flocking.model.world.times import NANOSECOND
@@ -28,8 +28,14 @@ LEFT_OUT = 2.0
 RIGID = 1e-9
 """Share of the largest distance by which an obstacle that moves with its leader may seem to change by rounding."""
 
+COMPARED = 10_000
+"""States at which an obstacle is compared with itself at rest, about."""
+
 MOST_PLACES = 10**8
 """Distances of agents at frames from obstacles that are computed at most, a bound on time: about ten seconds."""
+
+MOST_STATES = 4 * 10**6
+"""Agents in all frames that are looked at, a bound on memory: about a gigabyte."""
 
 
 class _Samples(NamedTuple):
@@ -108,8 +114,11 @@ def nearest_obstacle(run: Run, obstacles: Sequence[Obstacle], errors: Array | No
     known = bool(np.isfinite(samples.off).all()) and len(samples.t) > 1
     if not known:
         samples = samples._replace(off=np.zeros_like(samples.off))
-    found = [_least(x, samples, at_samples) for x in obstacles]
-    near, lowest = min(x.distance for x in found), min(x.distance - x.error for x in found)
+    found: list[Nearest] = []
+    near, lowest, curves = np.inf, np.inf, _curves(samples.t, samples.q, samples.p)
+    for obstacle in obstacles:
+        found.append(_least(obstacle, samples, at_samples, curves, near, lowest))
+        near, lowest = found[-1].distance, found[-1].distance - found[-1].error
     first = min(found, key=lambda x: x.at_samples + x.off)
     return Nearest(near, near - lowest if known else np.inf, *first[2:])
 
@@ -141,8 +150,8 @@ class ObstacleEvidence(MotionEvidence):
         if not self.obstacles:
             raise NotMeasurable("no obstacle is declared")
         run = self.checked
-        if self.q.shape[0] * self.q.shape[1] * len(self.obstacles) > MOST_PLACES:
-            count = len(self.obstacles)
+        count, states = len(self.obstacles), self.q.shape[0] * self.q.shape[1]
+        if states > MOST_STATES or states * count > MOST_PLACES:
             raise NotMeasurable(f"{len(self.t)} frames of {run.n} agents are too many beside {count} obstacles")
         found = nearest_obstacle(run, self.obstacles, self.frame_errors)
         samples = run if run.fine is None or not len(run.fine.t) else run.fine
@@ -215,11 +224,9 @@ def _largest_around(begin: Array, end: Array, frames: Array, errors: Array) -> A
     return np.array([errors[a : b + 1].max(initial=0.0) for a, b in zip(before, after, strict=True)])
 
 
-def _relative(obstacle: Obstacle, samples: _Samples) -> _Samples:
-    """The samples in the frame of an obstacle, where it rests as it is at the first of them."""
-    mover, t = obstacle.mover, samples.t
-    if mover is None or type(mover) is Sink:
-        return samples
+def _relative(mover: Leader, samples: _Samples) -> _Samples:
+    """The samples in the frame of an obstacle that moves, where it rests as it is at the first of them."""
+    t = samples.t
     place, velocity, _ = mover.along(t)
     off = np.zeros(len(t) - 1)
     h = np.diff(t)[:, None]
@@ -233,33 +240,72 @@ def _relative(obstacle: Obstacle, samples: _Samples) -> _Samples:
     return _Samples(t, q, samples.p - velocity[:, None], samples.off + LEFT_OUT * off[:, None])
 
 
-def _least(obstacle: Obstacle, samples: _Samples, errors: Array) -> Nearest:
-    """The smallest distance of agents from one obstacle, with the ``errors`` of positions at the samples."""
+class _Curves(NamedTuple):
+    """Bounds of the cubic curves between samples, each of which lies in the hull of four points.
+
+    Parameters
+    ----------
+    from_begin, from_end
+        Largest distance of such a point from the ends of its curve, shape (F - 1, N).
+    size
+        Bound of all coordinates.
+    """
+
+    from_begin: Array
+    from_end: Array
+    size: float
+
+
+def _curves(t: Array, q: Array, p: Array) -> _Curves:
+    h = np.diff(t)[:, None, None] / 3.0
+    chord, first, last = q[1:] - q[:-1], p[:-1] * h, p[1:] * h
+    lengths = [np.linalg.norm(x, axis=-1) for x in (chord, first, chord - last, last, chord - first)]
+    begin, end = np.max([lengths[0], *lengths[1:3]], axis=0), np.max([lengths[0], *lengths[3:]], axis=0)
+    return _Curves(begin, end, float(np.abs(q).max(initial=0.0) + begin.max(initial=0.0)))
+
+
+def _least(
+    obstacle: Obstacle, samples: _Samples, errors: Array, at_rest: _Curves, near: float, low: float
+) -> Nearest:  # fmt: skip
+    """The smallest distance of agents from one obstacle, with the ``errors`` of positions at the samples.
+
+    Parameters
+    ----------
+    at_rest
+        Bounds of the curves of the ``samples``.
+    near, low
+        Smallest distance from the obstacles before it, and that less its error: what is further away is left out.
+    """
     shape = samples.q.shape
-    moving = obstacle.distance_function()
+    distances = obstacle.distance_function()
     values = [np.full(shape[0] * shape[1], value) for value in obstacle.parameters.values()]
-    places = samples.q.reshape(-1, shape[2])
-    ends = moving(places, np.repeat(samples.t, shape[1]), values).reshape(shape[:2])
+
+    def at(q: Array, t: Array) -> Array:
+        return distances(q.reshape(-1, shape[2]), np.repeat(t, shape[1]), values).reshape(shape[:2])
+
+    ends = at(samples.q, samples.t)
     frame, agent = np.unravel_index(int((ends + errors[:, None]).argmin()), ends.shape)
     where = float(ends[frame, agent]), float(errors[frame]), float(samples.t[frame]), int(agent)
-    nearest = float(ends.min())
+    near = min(near, float(ends.min()))
     if len(samples.t) < 2:
-        return Nearest(nearest, 0.0, *where)
-    t, q, p, off = _relative(obstacle, samples)
-    rest = obstacle.distance(q.reshape(places.shape), float(t[0])).reshape(ends.shape)
-    if not (np.abs(rest - ends) <= RIGID * np.abs(ends).max() + RIGID * np.abs(q).max()).all():
-        return Nearest(nearest, np.inf, *where)
-    h = np.diff(t)[:, None, None] / 3.0
-    # Each cubic curve lies in the hull of four points.
-    points = np.stack([q[:-1], q[:-1] + p[:-1] * h, q[1:] - p[1:] * h, q[1:]], axis=2).reshape(-1, 4, shape[2])
-    tolerance = RESOLVED * max(float(np.abs(points).max(initial=0.0)), np.finfo(np.float64).tiny)
-    lowest = min(nearest, float((np.minimum(ends[1:], ends[:-1]) - off).min()))
-    aways = off.ravel()
+        return Nearest(near, 0.0, *where)
+    mover = None if type(obstacle.mover) is Sink else obstacle.mover
+    t, q, p, off = samples if mover is None else _relative(mover, samples)
+    curves = at_rest if mover is None else _curves(t, q, p)
+    some = slice(None, None, 1 + q.shape[0] * q.shape[1] // COMPARED)
+    rest = obstacle.distance(q[:, some].reshape(-1, shape[2]), float(t[0])).reshape(len(t), -1)
+    if not (np.abs(rest - ends[:, some]) <= RIGID * (np.abs(ends).max() + curves.size)).all():
+        return Nearest(near, np.inf, *where)
+    low = min(low, near, float((np.minimum(ends[1:], ends[:-1]) - off).min()))
+    # The distance changes no faster than the place.
+    bound = np.maximum(ends[:-1] - curves.from_begin, ends[1:] - curves.from_end)
+    tolerance = RESOLVED * max(curves.size, np.finfo(np.float64).tiny)
+    rows, agents = np.nonzero((bound < near) | (bound - off < low))
     hidden = np.inf
-    for first in range(0, len(points), MOST_PARTS):
-        block = slice(first, first + MOST_PARTS)
-        nearest, lowest, missed = searched_curves(
-            obstacle, t[0], points[block], aways[block], nearest, lowest, tolerance
-        )
+    for start in range(0, len(rows), MOST_PARTS):
+        k, i = rows[start : start + MOST_PARTS], agents[start : start + MOST_PARTS]
+        h = np.diff(t)[k, None] / 3.0
+        points = np.stack([q[k, i], q[k, i] + h * p[k, i], q[k + 1, i] - h * p[k + 1, i], q[k + 1, i]], axis=1)
+        near, low, missed = searched_curves(obstacle, t[0], points, off[k, i], near, low, tolerance)
         hidden = min(hidden, missed)
-    return Nearest(nearest, nearest - min(lowest, hidden), *where)
+    return Nearest(near, near - min(low, hidden), *where)
