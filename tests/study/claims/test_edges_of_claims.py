@@ -162,3 +162,29 @@ def test_a_chain_of_one_way_links_is_connected_in_either_direction_as_its_note_s
     radii = fk.Law(fk.PerAgentRadii([1.5, 0.5, 1.5]), terms)
     held = fk.simulate(fk.Scenario(radii, start, 1.0, control=fk.Held(0.1)), progress=False)
     assert "switches by links in either direction" in fk.audit(held)["connected"].note
+
+
+def test_no_switch_is_not_a_switch_at_the_start() -> None:
+    """A motion without a switch has no last one, and a group of one agent has no pair."""
+    law = fk.Law(fk.Proximity(3.0), [fk.Consensus(1.0)])
+    alone = fk.audit(fk.simulate(fk.Scenario(law, fk.State([[0.0, 0.0]], [[1.0, 0.0]]), t_end=2.0), progress=False))
+    assert alone["switching-stops"].words.startswith("no switch")
+    assert alone["all-apart"].words == "one agent alone"
+    linked = fk.State([[0.0, 0.0], [4.0, 0.0]], [[1.0, 0.0], [-1.0, 0.0]])
+    found = fk.audit(fk.simulate(fk.Scenario(law, linked, t_end=2.0), progress=False))
+    assert found["switching-stops"].words.startswith("last switch at t = 0.5")
+
+
+def test_distances_settle_against_the_largest_spread_of_the_run() -> None:
+    """Two agents that fall together from rest: their first spread is zero, and the words do not name it."""
+    pull = fk.Gradient(fk.Potential("r**2/2 + 1/r"))
+    start = fk.State([[0.0, 0.0], [3.0, 0.0]], [[0.0, 0.0], [0.0, 0.0]])
+    run = fk.simulate(
+        fk.Scenario(fk.Law(fk.Complete(), [pull, fk.Consensus(0.1)]), start, t_end=4.0, frames=81), progress=False
+    )
+    words = fk.audit(run)["distances-settle"].words
+    apart = run.q[-1, 1] - run.q[-1, 0]
+    rate = abs((run.p[-1, 1] - run.p[-1, 0]) @ apart) / np.linalg.norm(apart)
+    largest = np.linalg.norm(run.p[:, 1] - run.p[:, 0], axis=1).max()
+    assert "of twice the largest spread" in words
+    assert float(words.split("change at ")[1].split()[0]) == pytest.approx(rate / largest, rel=0.06)

@@ -14,6 +14,9 @@ from flocking.model.law import Scenario
 GRANTED, REFUSED, NOT_APPLICABLE = "granted", "refused", "not applicable"
 """Outcomes of a certificate."""
 
+ALONE = "there is one agent alone"
+"""Why nothing is stated of pairs in a group of one."""
+
 TOO_EXTREME = "the numbers are too large or too small for an enclosure in double precision"
 """Why a bound that would be infinite is not granted."""
 
@@ -243,6 +246,24 @@ def ideal_world(scenario: Scenario) -> Hypothesis:
     if not scenario.space.is_open:
         world = "; ".join(x for x in (world, "space repeats") if x)
     return Hypothesis("ideal information and control in open space", not world, world or "ideal, open")
+
+
+def graph_in_words(scenario: Scenario) -> str:
+    """What a hypothesis about one graph of several agents in open space was found to be: what is against it first.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    """
+    law = scenario.law
+    if scenario.start.n == 1:
+        return ALONE
+    if not scenario.space.is_open:
+        return "space repeats"
+    if len(law.graphs) > 1:
+        return f"terms have {len(law.graphs)} graphs"
+    return f"{type(law.graph).__name__}, {'directed' if law.graph.directed else 'undirected'}"
 
 
 def not_applicable(keys: Iterable[str], source: str, hypotheses: tuple[Hypothesis, ...]) -> tuple[Certificate, ...]:

@@ -268,7 +268,8 @@ def _energy(run: Run, certificate: Certificate) -> tuple[float, float]:
     frames = np.unique(np.linspace(0, len(run.t) - 1, MOST_STATES).astype(int))
     setting = EnergySetting(run.scenario)
     largest = max(float(setting.at(run.state(int(frame))).start_excess.lo) for frame in frames)
-    return largest, _energy_error(run, frames)
+    # No part of the excess is negative, though the lower end of its enclosure may be.
+    return max(largest, 0.0), _energy_error(run, frames)
 
 
 def _energy_error(run: Run, frames: Indices) -> float:

@@ -15,7 +15,14 @@ from flocking.model.graphs.connectivity import is_connected
 from flocking.model.graphs.distance_graphs import Fixed
 from flocking.model.law import Scenario
 from flocking.model.terms.pair_terms import Consensus, Gradient
-from flocking.study.certificates.certificate import Certificate, Hypothesis, decided, not_applicable, until_failed
+from flocking.study.certificates.certificate import (
+    Certificate,
+    Hypothesis,
+    decided,
+    graph_in_words,
+    not_applicable,
+    until_failed,
+)
 from flocking.study.certificates.laplacian_spectrum import has_two_sides, laplacian_spectrum
 from flocking.study.certificates.late.late_samples import NeighboursLate, period_of_all_late
 from flocking.study.certificates.sources import sources
@@ -78,7 +85,7 @@ class LinearConsensus:
         fits = type(graph) in (Complete, Fixed) and not graph.directed and len(self.scenario.law.graphs) == 1
         fits = fits and self.scenario.space.is_open and self.scenario.start.n > 1
         statement = "two agents or more have a fixed, undirected graph in open space"
-        return Hypothesis(statement, fits, type(graph).__name__) if not fits else self.size_hypothesis(statement)
+        return self.size_hypothesis(statement) if fits else Hypothesis(statement, False, graph_in_words(self.scenario))
 
     def size_hypothesis(self, statement: str) -> Hypothesis:
         """Whether the spectrum of the graph is that of a small enough matrix.

@@ -10,7 +10,7 @@ from flocking.arrays import Links
 from flocking.formula.intervals import Interval
 from flocking.formula.safe_digits import rounded_down, rounded_up
 from flocking.model.terms.pair_terms import Consensus
-from flocking.study.certificates.certificate import NOT_APPLICABLE, Certificate, decided
+from flocking.study.certificates.certificate import ALONE, NOT_APPLICABLE, Certificate, decided
 from flocking.study.certificates.energy_setting import EnergySetting
 from flocking.study.certificates.sources import sources
 
@@ -30,10 +30,11 @@ def energy_certificates(setting: EnergySetting) -> tuple[Certificate, ...]:
         The scenario with its hypotheses.
     """
     found = [_energy(setting)]
-    if setting.gradients:
-        found += _distances(setting)
+    without = _without_pairs(setting) or ("" if setting.gradients else "no potential acts between agents")
+    if without:
+        found += [_not_said(key, without) for key in ("closest_approach", "simultaneous_collisions", "longest_link")]
     else:
-        found += [_without_potential(key) for key in ("closest_approach", "simultaneous_collisions", "longest_link")]
+        found += _distances(setting)
     return (*found, _links_kept(setting), _diameter(setting, found[-1]), _speed(setting), _force(setting))
 
 
@@ -42,8 +43,15 @@ def _of_graph(setting: EnergySetting) -> str:
     return " of the graph of the law" if len(setting.law.graphs) > 1 else ""
 
 
-def _without_potential(key: str) -> Certificate:
-    return Certificate(key, "", sources()["energy"], (), NOT_APPLICABLE, "no potential acts between agents")
+def _without_pairs(setting: EnergySetting) -> str:
+    """Why there is no pair of which links or distances could be stated; empty where there is one."""
+    if setting.n == 1:
+        return ALONE
+    return "" if setting.graph.moves or setting.start_links.any() else "links are fixed, and there is none"
+
+
+def _not_said(key: str, reason: str) -> Certificate:
+    return Certificate(key, "", sources()["energy"], (), NOT_APPLICABLE, reason)
 
 
 def _energy(setting: EnergySetting) -> Certificate:
@@ -83,6 +91,10 @@ def _distances(setting: EnergySetting) -> list[Certificate]:
             reach = float(np.asarray(setting.graph.appear_radius)) if setting.keeps_links else setting.pair.end
             bound = Interval.of(min(float(bound.lo), reach), min(float(bound.hi), reach))
         statement = f"Two {pairs} are never closer than {rounded_down(bound.lo)}: they do not collide."
+        if not float(bound.lo) > 0.0:
+            statement = (
+                f"Two {pairs} do not collide: contact needs more energy than there is; how near they come is open."
+            )
         nearest = decided(
             "closest_approach", sources()["energy"], hypotheses, statement=statement, bound=bound, side="at least",
             quantity=quantity,
@@ -122,6 +134,8 @@ def _longest(setting: EnergySetting) -> Certificate:
 
 
 def _links_kept(setting: EnergySetting) -> Certificate:
+    if without := _without_pairs(setting):
+        return _not_said("links_kept", without)
     hypotheses = setting.hypotheses
     reason = "" if not setting.holds or setting.links_stay else "links break at the radius at which they appear"
     return decided(
@@ -131,6 +145,8 @@ def _links_kept(setting: EnergySetting) -> Certificate:
 
 
 def _diameter(setting: EnergySetting, longest: Certificate) -> Certificate:
+    if setting.n == 1:
+        return _not_said("group_diameter", ALONE)
     hypotheses, quantity = setting.hypotheses, "largest distance of two agents"
     reason, bound = "", None
     if setting.holds:

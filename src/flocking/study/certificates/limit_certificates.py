@@ -15,6 +15,7 @@ from flocking.model.law import Scenario
 from flocking.model.world.control import Continuous, Control, Held
 from flocking.model.world.times import PER_SECOND, Instants
 from flocking.study.certificates.certificate import (
+    ALONE,
     NOT_APPLICABLE,
     Certificate,
     Enclosure,
@@ -63,7 +64,9 @@ def stopping_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
     hypotheses = until_failed(
         lambda: Hypothesis("point masses have a largest force", limited, type(body).__name__),
         lambda: Hypothesis(
-            "it is the same in all directions, and agents are undamped", bool(round_ and undamped), "so"
+            "it is the same in all directions, and agents are undamped",
+            bool(round_ and undamped),
+            "so" if round_ and undamped else "they are damped" if round_ else "it is one of each axis",
         ),
         lambda: Hypothesis("space is open", scenario.space.is_open, "so" if scenario.space.is_open else "it repeats"),
     )
@@ -108,6 +111,8 @@ def stopping_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
         statement=f"No law stops every agent on less than {rounded_down(np.maximum(way.lo, 0.0))}; braking does on "
         f"{rounded_up(way.hi)}.",
     )  # fmt: skip
+    if n == 1:
+        return found, Certificate(STOPPING[1], "", source, hypotheses, NOT_APPLICABLE, ALONE)
     few = Hypothesis(f"at most {LARGEST_GROUP} agents, whose pairs are all looked at", n <= LARGEST_GROUP, f"{n}")
     if not few.holds:
         return found, decided(STOPPING[1], source, (*hypotheses, free, few))

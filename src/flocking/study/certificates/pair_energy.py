@@ -181,11 +181,16 @@ class PairEnergy:
         Its lower end is certain: at smaller distances the energy is above the upper end of ``bound``. At its upper end
         it is not above the lower end.
         """
-        last = self.end if np.isfinite(self.end) else float(POWERS[-1])
-        # All distances that are allowed are at least as large.
+        last = self.end
+        # The smallest distance that is allowed is no larger than any other one, known or enclosed.
         places = POWERS[self.end > POWERS]
         allowed = self.on(Interval.of(places)).hi <= bound.lo
-        return self._edge(bound, float(places[np.argmax(allowed)]) if allowed.any() else last, upper=False)
+        if allowed.any():
+            last = float(places[np.argmax(allowed)])
+        elif np.isinf(last):
+            largest = self.farthest(bound)
+            last = float(POWERS[-1] if largest is None else largest.hi)
+        return self._edge(bound, last, upper=False)
 
     def farthest(self, bound: Interval) -> Interval | None:
         """An enclosure of the largest distance up to the end at which the energy is at most ``bound``, as `nearest`.

@@ -18,6 +18,8 @@ from flocking.model.law import Scenario
 from flocking.model.world.information import Instant
 from flocking.model.world.safety_filters import MARGIN, ROUNDING, SafetyFilter
 from flocking.study.certificates.certificate import (
+    ALONE,
+    NOT_APPLICABLE,
     Certificate,
     Enclosure,
     Hypothesis,
@@ -98,6 +100,8 @@ def safety_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
         "safe_distance", source, hypotheses, bound=Enclosure(bound, filter_.distance), side="at least",
         quantity="closest approach", statement=f"{agents} {verb} closer than {rounded_down(bound)}.",
     )  # fmt: skip
+    if n == 1:
+        found = Certificate("safe_distance", "", source, hypotheses, NOT_APPLICABLE, ALONE)
     if not filter_.obstacles:
         none = Hypothesis("the filter has obstacles", False, "none")
         return found, *not_applicable((OBSTACLES,), source, (none,))

@@ -204,4 +204,4 @@ def test_the_refusal_of_a_large_group_gives_its_size():
     found = fk.certify(fk.Scenario(law, start, t_end=1.0))["equilibrium"]
     (why,) = [x for x in found.hypotheses if not x.holds]
     assert "of 200 coordinates at most" in why.statement
-    assert why.found == "202 coordinates of 101 agents, Proximity"
+    assert why.found == "202 coordinates of 101 agents, Proximity, undirected"

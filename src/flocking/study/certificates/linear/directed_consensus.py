@@ -11,7 +11,14 @@ from flocking.formula.intervals import Interval
 from flocking.formula.safe_digits import rounded_down, rounded_up
 from flocking.model.graphs.distance_graphs import Fixed
 from flocking.model.law import Scenario
-from flocking.study.certificates.certificate import Certificate, Hypothesis, decided, not_applicable, until_failed
+from flocking.study.certificates.certificate import (
+    Certificate,
+    Hypothesis,
+    decided,
+    graph_in_words,
+    not_applicable,
+    until_failed,
+)
 from flocking.study.certificates.consensus_certificates import MOST_SAMPLES, TOGETHER, LinearConsensus
 from flocking.study.certificates.linear.directed_graphs import DirectedSpectrum, roots_of
 from flocking.study.certificates.linear.directed_modes import DirectedModes
@@ -37,7 +44,8 @@ class DirectedConsensus(LinearConsensus):
         statement = "two agents or more have one fixed, directed graph in open space"
         fits = type(graph) is Fixed and graph.directed and len(self.scenario.law.graphs) == 1
         fits = fits and self.scenario.space.is_open and start.n > 1 and start.links is None
-        return Hypothesis(statement, fits, type(graph).__name__) if not fits else self.size_hypothesis(statement)
+        found = graph_in_words(self.scenario) + ("" if start.links is None else ", links of the start are given")
+        return self.size_hypothesis(statement) if fits else Hypothesis(statement, False, found)
 
     def _rooted(self) -> Hypothesis:
         count = len(roots_of(self._links))

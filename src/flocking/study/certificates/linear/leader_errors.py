@@ -206,7 +206,7 @@ def leader_error_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
         drift = _length(system.mean(scenario.start.p))
         return decided(
             DRIFT, source, hypotheses, bound=drift, quantity="speed of the centre of mass",
-            statement=f"The centre of mass moves on steadily, with the speed {nearest_text(drift.hi)}.",
+            statement=f"The centre of mass moves on steadily, with {_speed_text(drift)}.",
         ), *not_applicable(KEYS, source, (Hypothesis("there is a leader", False, "none"),))  # fmt: skip
     led = not_applicable((DRIFT,), source, (Hypothesis("no agent follows a leader", False, "Track"),))
     hypotheses = (*hypotheses, system.even())
@@ -251,6 +251,12 @@ def _speed_after(system: CentreOfMass, time: Interval) -> Interval | None:
     even, odd = (turned.cosh(), turned.sinh()) if inner.lo > 0.0 else (turned.cos(), turned.sin())
     now = v * (even - half / root * odd) - e * (kappa / root * odd)
     return _length(now) * (-(half * time)).exp()
+
+
+def _speed_text(speed: Interval) -> str:
+    """A speed in words: the number, where all that it may be are the same in as many digits as are written."""
+    found = nearest_text(speed.hi)
+    return f"the speed {found}" if nearest_text(speed.lo) == found else f"a speed of at most {rounded_up(speed.hi)}"
 
 
 def _steady(system: CentreOfMass, hypotheses: tuple[Hypothesis, ...]) -> Certificate:

@@ -21,7 +21,7 @@ from flocking.model.graphs.smooth_graphs import Smooth
 from flocking.model.law import Scenario
 from flocking.model.terms.pair_terms import Consensus, Gradient
 from flocking.model.terms.schedules import Schedule
-from flocking.study.certificates.certificate import Hypothesis, until_failed
+from flocking.study.certificates.certificate import Hypothesis, graph_in_words, until_failed
 from flocking.study.certificates.consensus_certificates import PI, LinearConsensus
 from flocking.study.certificates.enclosed_matrices import (
     INFLATION,
@@ -116,7 +116,7 @@ class NearEquilibrium:
         known = has_known_weight(law.graph) and not law.graph.directed and len(law.graphs) == 1
         known = known and self.scenario.space.is_open and len({t.weighting for t in self.setting.gradients}) == 1
         known = known and not np.ndim(law.graph.break_radius)
-        found = f"{start.q.size} coordinates of {start.n} agents, {type(law.graph).__name__}"
+        found = f"{start.q.size} coordinates of {start.n} agents, {graph_in_words(self.scenario)}"
         return Hypothesis(statement, bool(known and start.n > 1 and start.q.size <= LARGEST), found)
 
     @cached_property

@@ -18,7 +18,14 @@ from flocking.formula.safe_digits import rounded_down, rounded_up
 from flocking.model.graphs.all_pairs import Complete
 from flocking.model.graphs.distance_graphs import Fixed, Hysteresis, Proximity
 from flocking.model.law import Scenario
-from flocking.study.certificates.certificate import Certificate, Hypothesis, decided, not_applicable, until_failed
+from flocking.study.certificates.certificate import (
+    Certificate,
+    Hypothesis,
+    decided,
+    graph_in_words,
+    not_applicable,
+    until_failed,
+)
 from flocking.study.certificates.consensus_certificates import PI, TOGETHER, LinearConsensus
 from flocking.study.certificates.sources import sources
 
@@ -63,7 +70,7 @@ class FirstOrder:
         links = self.scenario.start.links
         if fits and links is not None and not np.array_equal(links, np.asarray(links).T):
             return Hypothesis(statement, False, "links of the start are directed")
-        return Hypothesis(statement, fits, type(graph).__name__)
+        return Hypothesis(statement, fits, graph_in_words(self.scenario))
 
 
 def switching_certificates(scenario: Scenario) -> tuple[Certificate, ...]:

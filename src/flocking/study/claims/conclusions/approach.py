@@ -88,7 +88,7 @@ def needs_filter(e: Evidence) -> str:
 
 
 def _apart(e: Evidence, c: Closest) -> Measure:
-    note = f"no pair closer than {rounded_down(c.distance, 4)}"
+    note = "one agent alone" if e.run.n == 1 else f"no pair closer than {rounded_down(c.distance, 4)}"
     if c.pair[0] >= 0:
         note = f"closest {c.distance:.4g} at t = {e.when(c.time, 3)} (agents {c.pair[0]}, {c.pair[1]})"
     if (agents := e.run.scenario.agents).summary and agents.ideal:

@@ -80,7 +80,9 @@ def distances_settle(e: Evidence) -> Measure:
         return e.distance_rate_at(frame) / most if most > 0 else 0.0
 
     error = _velocity_share(e) + (e.distance_rate_error / most if most > 0 else 0.0)
-    found = limit_of(e, SETTLED, ratio, lambda r: f"distances change at {r:.1e} of the first spread", error=error)
+    found = limit_of(
+        e, SETTLED, ratio, lambda r: f"distances change at {r:.1e} of twice the largest spread", error=error
+    )
     if found.holds and not found.unsettled and e.path_about_mean < MOVED and not velocities_agree(e).holds:
         return replace(found, unsettled="velocities differ, and agents have hardly moved against each other")
     return found
@@ -112,7 +114,7 @@ def switching_stops(e: Evidence) -> Measure:
     quiet, possible = ((end - t) / (end - start) if end > start else 1.0 for t in (first, last))
     if quiet > LAST >= possible:
         return Measure(quiet - LAST, np.inf, e.doubt_note())
-    measured = above(quiet, LAST, f"last switch at t = {e.when(first)}")
+    measured = above(quiet, LAST, _last_in_words(e, first))
     if not e.law.graph.moves:
         return measured
     agreement = velocities_agree(e)
@@ -126,6 +128,15 @@ def switching_stops(e: Evidence) -> Measure:
     if last >= before > 0 and not agreement.holds and not agreement.unsettled and _recurs(e, end - share):
         return measured
     return replace(measured, unsettled=f"{last} switches in the last tenth of the run, {before} in the one before")
+
+
+def _last_in_words(e: Evidence, last: float) -> str:
+    """When the last certain switch was; without one the motion counts as quiet from its start on, where none was."""
+    if not e.law.graph.moves:
+        return "no switch"
+    if e.link_certain.any():
+        return f"last switch at t = {e.when(last)}"
+    return "no certain switch" if len(e.link_switches) or len(e.link_doubts) else "no switch"
 
 
 def _recurs(e: Evidence, since: float) -> bool:
