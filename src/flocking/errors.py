@@ -181,7 +181,7 @@ class RunsFailed(FlockingError):
         self.runs, self.failures = runs, dict(failures)
         first = min(self.failures)
         super().__init__(
-            f"{len(self.failures)} of {len(runs)} runs could not go on; the first is number {first}: "
+            f"{len(self.failures)} of {len(runs)} runs could not go on; the first is scenarios[{first}]: "
             f"{self.failures[first]} All runs, complete or not, are in `runs` of this error."
         )
 

@@ -15,6 +15,7 @@ from flocking.engine.driver import ensembles
 from flocking.engine.driver.ensembles import simulate_many
 from flocking.engine.driver.run_progress import Progress
 from flocking.engine.protocol.session import Session
+from flocking.engine.runs import recorder
 from flocking.errors import InvalidInput, NotFinite, RunsFailed, UnsupportedLaw
 from tests.engine.driver.test_chosen_engine import LAW
 from tests.interrupting import interrupted_at
@@ -85,7 +86,7 @@ def test_failed_runs_are_counted_and_the_others_complete():
     at = fk.State([[0.0, 0.0], [1.0, 0.0]])
     scenarios = [zhou(0), fk.Scenario(falls, at, t_end=10.0), zhou(1)]
     with pytest.raises(
-        RunsFailed, match=r"1 of 3 runs could not go on; the first is number 1: .*agents \[0, 1\]"
+        RunsFailed, match=r"1 of 3 runs could not go on; the first is scenarios\[1\]: .*agents \[0, 1\]"
     ) as found:
         simulate_many(scenarios, threads=2, progress=False)
     runs, failures = found.value.runs, found.value.failures
@@ -204,14 +205,23 @@ def test_an_interrupt_at_any_instruction_ends_all_threads(monkeypatch):
 
 
 def test_a_scenario_that_cannot_be_started_is_named():
-    with pytest.raises(UnsupportedLaw) as refused:
+    with pytest.raises(UnsupportedLaw, match=r"^scenarios\[0\] of simulate_many: "):
         simulate_many([zhou(0)], engine="sampled", progress=False)
-    assert refused.value.__notes__ == ["This concerns scenarios[0] of simulate_many."]
     steep = fk.Law(fk.Proximity(50.0), [fk.Gradient(fk.Potential("exp(r**2)"))])
     far = fk.Scenario(steep, fk.State([[0.0, 0.0], [40.0, 0.0]]), t_end=1.0)
-    with pytest.raises(InvalidInput, match="must have a finite energy") as infinite:
+    with pytest.raises(InvalidInput, match=r"^scenarios\[1\] of simulate_many: .* must have a finite energy"):
         simulate_many([zhou(0), far], threads=1, progress=False)
-    assert infinite.value.__notes__ == ["This concerns scenarios[1] of simulate_many."]
+
+
+def test_frames_that_do_not_fit_name_their_scenario(monkeypatch):
+    monkeypatch.setattr(recorder, "MOST_FRAME_BYTES", 10_000)
+    with pytest.raises(InvalidInput, match=r"^scenarios\[1\] of simulate_many: .* memory"):
+        simulate_many([zhou(0).with_(frames=2), zhou(1).with_(frames=500)], engine="tiles", step=0.05, progress=False)
+
+
+def test_an_engine_that_is_none_concerns_no_scenario():
+    with pytest.raises(InvalidInput, match=r"^simulate_many: engine must be one of"):
+        simulate_many([zhou(0)], engine="exac", progress=False)
 
 
 def test_a_run_that_fails_at_its_start_has_no_records(monkeypatch):
@@ -223,7 +233,9 @@ def test_a_run_that_fails_at_its_start_has_no_records(monkeypatch):
         return opened(engine, scenario, options)
 
     monkeypatch.setattr(ensembles, "open_session", second_fails)
-    with pytest.raises(RunsFailed, match="1 of 2 runs could not go on; the first is number 1: The control") as found:
+    with pytest.raises(
+        RunsFailed, match=r"1 of 2 runs could not go on; the first is scenarios\[1\]: The control"
+    ) as found:
         simulate_many([zhou(0), zhou(1).with_(seed=1)], threads=2, progress=False)
     assert found.value.runs[1] is None
     assert found.value.runs[0].status == "finished"

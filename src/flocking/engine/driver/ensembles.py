@@ -14,6 +14,7 @@ from flocking.engine.driver.run_progress import Progress
 from flocking.engine.driver.simulate import advance_slice, fine_option, open_session
 from flocking.engine.interruption import Deferred
 from flocking.engine.protocol.engine import Engine
+from flocking.engine.protocol.session import Session
 from flocking.engine.runs.run import Run
 from flocking.errors import FlockingError, InvalidInput, RunsFailed, SimulationError
 from flocking.model.checks import integer
@@ -59,12 +60,13 @@ def simulate_many(
     Raises
     ------
     InvalidInput, UnsupportedLaw, EngineMissing
-        When a scenario cannot be started; a note of the error has its number.
+        When a scenario cannot be started; the message begins with its number, as ``scenarios[3]``.
     RunsFailed
         When runs could not go on. All scenarios have been run; ``runs`` of the error holds every run, of the failed
         ones what was computed until then, and ``failures`` their errors by number.
     """
     count = _thread_count(threads)
+    check_name("simulate_many", engine)
     given = _checked(scenarios)
     jobs = [_Job(k, scenario, *_engine_and_options(k, scenario, engine, fine, options)) for k, scenario in given]
     ensemble = _Ensemble(jobs)
@@ -158,7 +160,7 @@ class _Ensemble:
         except FlockingError as error:
             raise _with_number(error, job.number) from None
         try:
-            session.records.check_fits()
+            _check_fits(session, job.number)
             while not session.reached(job.scenario.t_end) and not self._stopped:
                 advance_slice(session, job.scenario.t_end)
             job.run = session.run()
@@ -194,13 +196,23 @@ def _engine_and_options(
     number: int, scenario: Scenario, name: str, fine: bool, options: Mapping[str, object]
 ) -> tuple[Engine, object]:
     try:
-        found = engine_named(chosen_engine(scenario, check_name("simulate_many", name), None))
+        found = engine_named(chosen_engine(scenario, name, None))
         found.check(scenario)
         return found, options_of(found, {**options, **fine_option(found, fine)})
     except FlockingError as error:
         raise _with_number(error, number) from None
 
 
+def _check_fits(session: Session, number: int) -> None:
+    try:
+        session.records.check_fits()
+    except SimulationError:
+        raise
+    except FlockingError as error:
+        raise _with_number(error, number) from None
+
+
 def _with_number(error: FlockingError, number: int) -> FlockingError:
-    error.add_note(f"This concerns scenarios[{number}] of simulate_many.")
+    """The error with the number in its message: notes are not part of the text that programs log or show."""
+    error.args = (f"scenarios[{number}] of simulate_many: {error}",)
     return error
