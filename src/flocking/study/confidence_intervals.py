@@ -13,6 +13,12 @@ SHARE, MEAN = "Clopper-Pearson", "wider of Student's t and Hall's transformed t"
 UNKNOWN = "unknown as either"
 """Ends the method of the interval of a share where some of what was counted is unknown."""
 
+CAVEAT = (
+    "cover less often than at their level where few runs are far from the others: where one in ten is, those of 95 % "
+    "cover 58 % of means of 8 runs, 88 % of 20"
+)
+"""What is to be known beside intervals of means, in words: the worst that was measured, see `mean_interval`."""
+
 LEAST_VALUES = {0.8: 4, 0.9: 5, 0.95: 8, 0.98: 15, 0.99: 25, 0.995: 30, 0.998: 40, 0.999: 60}
 """Fewest values for which the interval of a mean misses at most 1.1 times as often as its level states.
 

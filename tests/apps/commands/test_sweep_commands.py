@@ -7,10 +7,12 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
 from flocking.apps.cli import main
+from flocking.study.confidence_intervals import CAVEAT
 
 FILE = """
 name = "speeds"
@@ -185,7 +187,30 @@ def test_means_of_the_runs_that_got_there_say_so(file, tmp_path, capsys):
     at_most = max(sum(late[:10]), sum(late[10:]))
     words = f"{sum(late)} of 20 have none, at one point {at_most} of 10"
     assert f"means of convergence_time are of the runs that have a value: {words}" in shown
-    assert "means of velocity_spread" not in shown
+    assert "means of velocity_spread are" not in shown
+
+
+def test_intervals_of_means_stand_beside_what_they_miss(file, capsys):
+    """The words of the documentation are in the table and in JSON; shares have exact intervals, and none of it."""
+    text = SLOW.format(seeds=10).replace('"convergence_time"', '"connected"')
+    file.write_text(text)
+    assert main(["sweep", str(file), "--workers", "1"]) == 0
+    shown = capsys.readouterr().out
+    assert f"intervals of means of velocity_spread {CAVEAT}" in shown
+    assert main(["sweep", str(file), "--workers", "1", "--json"]) == 0
+    caveats = json.loads(capsys.readouterr().out)["caveats"]
+    assert list(caveats) == ["velocity_spread"]
+    assert CAVEAT in caveats["velocity_spread"]
+    page = (Path(__file__).parents[3] / "docs" / "sweeps.md").read_text()
+    for number in ("58 %", "88 %"):
+        assert number in CAVEAT
+        assert number in page
+
+
+def test_means_without_an_interval_have_no_such_words(file, capsys):
+    file.write_text(SLOW.format(seeds=3))
+    assert main(["sweep", str(file), "--workers", "1"]) == 0
+    assert CAVEAT not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(("mean", "low", "high", "share", "shown"), [

@@ -152,7 +152,7 @@ def _print(
     table: SweepTable, file: SweepFile, folder: Path, written: list[Path], level: float, seconds: float, as_json: bool
 ) -> None:
     from flocking.apps.tables import print_table
-    from flocking.study.confidence_intervals import UNKNOWN
+    from flocking.study.confidence_intervals import CAVEAT, UNKNOWN
 
     failures = table.failures
     rows = _summary_rows(table, level)
@@ -161,6 +161,7 @@ def _print(
             "sweep": file.name, "runs": table.plan.size, "done": len(table), "failed": len(failures),
             "status": table.status, "out": str(folder), "files": [str(path) for path in written],
             "summary": rows, "versions": list(table.versions), "failures": failures[:MOST_FAILURES], "seconds": seconds,
+            "caveats": dict.fromkeys(_with_intervals_of_means(rows, table.measures), f"intervals of means {CAVEAT}"),
         }  # fmt: skip
         print_json(about)
         return
@@ -176,6 +177,9 @@ def _print(
         print(f"... and {len(rows) - LONGEST_SUMMARY} more points in {folder / 'summary.csv'}")
     for reason, measures in _reasons(rows, table.measures).items():
         print(f"no {100 * level:g} % interval of {', '.join(measures)}: {reason}")
+    of_means = _with_intervals_of_means(rows, table.measures)
+    if few and of_means:
+        print(f"intervals of means of {', '.join(of_means)} {CAVEAT}")
     for measure in table.measures:
         if any(UNKNOWN in row[f"{measure}_interval"] for row in rows):
             print(f"no mean of {measure} where it is unknown in some runs; intervals count these as either")
@@ -230,6 +234,13 @@ def _reasons(rows: Sequence[SummaryRow], measures: Sequence[str]) -> dict[str, l
             if method.startswith("none: "):
                 found.setdefault(method.removeprefix("none: "), []).append(measure)
     return found
+
+
+def _with_intervals_of_means(rows: Sequence[SummaryRow], measures: Sequence[str]) -> list[str]:
+    """Measures that have an interval of a mean at some point."""
+    from flocking.study.confidence_intervals import MEAN
+
+    return [measure for measure in measures if any(row[f"{measure}_interval"] == MEAN for row in rows)]
 
 
 def _summary_rows(table: SweepTable, level: float) -> list[SummaryRow]:
