@@ -239,3 +239,18 @@ def test_axes_of_quadrotors_are_drawn_in_space(part, has):
     assert len(part(axes, "axis_1").get_segments()) == len(part(axes, "axis_3").get_segments()) == 2
     assert not has(axes, "axis_2")
     assert not has(net(dataclasses.replace(run, columns={})), "axis_1")
+
+
+def test_paths_that_are_not_drawn_and_axes_that_are_none_are_told():
+    """Where space repeats a path would cross the box; agents on a line have no second coordinate."""
+    law = fk.Law(fk.Proximity(1.0), [fk.Consensus(1.0)])
+    start = fk.State([[0.0], [0.5]], [[1.0], [0.0]])
+    line = fk.simulate(fk.Scenario(law, start, t_end=1.0, frames=5), progress=False)
+    axes = net(line, frame=-1, trails=True)
+    assert axes.get_ylabel() == ""
+    assert len(axes.get_yticks()) == 0
+    assert not [text.get_text() for text in axes.texts if "paths" in text.get_text()]
+    ring = fk.simulate(fk.Scenario(law, start, t_end=1.0, frames=5, space=fk.Periodic([4.0])), progress=False)
+    words = [text.get_text() for text in net(ring, frame=-1, trails=True).texts]
+    assert any("no paths: space repeats" in text for text in words)
+    assert not any("no paths" in text.get_text() for text in net(ring, frame=-1).texts)

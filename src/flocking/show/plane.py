@@ -180,6 +180,8 @@ def net(
         axes.fill(*outline.T, facecolor=theme().faint, edgecolor=theme().ink, alpha=0.45, lw=0.6, zorder=0.5)
     if paths is not None:
         _draw_trails(axes, paths, notes)
+    elif trails and len(past) > 1:
+        notes.append("no paths: space repeats")
     if links and state.links is not None:
         _draw_links(axes, q, state.links, lives, budget, notes)
     moving = arrows and seconds > 0
@@ -192,6 +194,10 @@ def net(
     for x, v in followed:
         _draw_leader(axes, x, v, seconds if moving else 0.0)
     _frame_axes(axes, points, limits)
+    if m == 1:
+        # Agents on a line have no other coordinate: that of the picture is none of theirs.
+        axes.set_ylabel("")
+        axes.set_yticks([])
     if title is not False:
         axes.set_title(f"$t = {time_of(what, state.t)}$" if title is True else title)
     draw_notes(axes, notes)

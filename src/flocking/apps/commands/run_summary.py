@@ -223,7 +223,7 @@ def facts(found: dict[str, Any]) -> list[tuple[str, str]]:
     return [
         ("scenario", found["scenario"]),
         ("status", found["status"]),
-        ("agents", f"{found['agents']} in {found['dimension']} dimensions"),
+        ("agents", f"{found['agents']} in {found['dimension']} dimension{'s' * (found['dimension'] > 1)}"),
         ("engine", _engine(found["provenance"])),
         ("motion", _motion(found["provenance"])),
         (EARLIER, _earlier(found["provenance"])),

@@ -22,7 +22,7 @@ CAPTIONS: dict[str, str] = {
     Subject.CONNECTIVITY: "Algebraic connectivity and number of flocks.",
     Subject.LINKS: "Links, and the times at which they appeared and broke where the run records these.",
     Subject.CLOSEST: "Distance of the closest pair, with the closest approaches that the run records.",
-    Subject.NET: "The net in the last frame, with the paths of the agents.",
+    Subject.NET: "The net in the last frame, with the paths of the agents in open space.",
 }
 """Caption of each picture, by the subject of claims."""
 

@@ -76,9 +76,10 @@ def write_run_page(
     entries += [("claims", "Claims", ()), ("provenance", "Provenance", ())]
     ends = [time_text(run.t[k], run.t[0], run.t[-1], 6) for k in (0, -1)] if len(run.t) else []
     span = f"t = {ends[0]} to {ends[1]}" if ends else "no frames"
+    agents = f"{run.n} agent{'s' * (run.n > 1)}"
     parts = [
         f"<h1>{escape(title)}</h1>\n",
-        f'<p class="dim">Audit of one run: {run.n} agents, {span}, status: {escape(run.status)}.</p>\n',
+        f'<p class="dim">Audit of one run: {agents}, {span}, status: {escape(run.status)}.</p>\n',
         boxes([(str(count), PLURAL.get(verdict, str(verdict))) for verdict, count in counts.items()]),
         f"<p>{escape(outcome(report))}</p>\n",
         contents(entries),
