@@ -76,6 +76,19 @@ def test_a_run_that_stopped_after_its_last_frame_says_where_it_was_and_of_when_i
     assert told["flocks in the last frame"] == "1, at t = 0, of the last frame"
 
 
+@pytest.mark.parametrize("engine", ["exact", "tiles"])
+def test_frames_that_end_before_the_run_are_not_its_end(engine):
+    law = fk.Law(fk.Proximity(3.0), [fk.Consensus(1.0)])
+    start = fk.State([[0.0, 0.0], [1.0, 0.0]], [[1.0, 0.0], [-1.0, 0.0]])
+    run = fk.simulate(fk.Scenario(law, start, t_end=2.0, frames=[0.0, 0.5]), engine=engine, progress=False)
+    found = summary(run)
+    assert (found["time"], found["state_time"]) == (2.0, 0.5)
+    told = dict(facts(found))
+    assert told["time reached"] == "2"
+    assert told["velocity spread"].endswith(", at t = 0.5, of the last frame")
+    assert "flocks at the end" not in told
+
+
 def test_an_energy_that_is_known_for_a_part_of_the_run_is_not_that_at_the_end():
     """Under held forces two agents leave a barrier at a distance of 1, where the energy is infinite."""
     law = fk.Law(fk.Proximity(1.0), [fk.Gradient(fk.Potential("-log(1 - r**2)"))])

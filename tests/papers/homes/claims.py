@@ -120,6 +120,7 @@ def shi(key: str) -> None:
     seen = SimpleNamespace(
         t=t, p=np.stack([guide, guide + 1.0], axis=1), velocity_spread=np.ones(len(t)),
         oldest_knowledge=None, yet_to_meet="", path_about_mean=np.inf, need_one_motion=lambda: None,
+        need_end=lambda last: None,
         run=SimpleNamespace(scenario=SimpleNamespace(rest_frame="neighbours are late")),
     )  # fmt: skip
     for name in paper(key).scenarios():

@@ -98,6 +98,7 @@ def evidence(**given):
     given.setdefault("when", lambda time, digits=4: str(time))
     known = {name: SimpleNamespace(value=v, error=0.0, time=0.5) for name, v in given.pop("largest", {}).items()}
     given.setdefault("need_one_motion", lambda: None)
+    given.setdefault("need_end", lambda last: None)
     return SimpleNamespace(largest=known.get, sampled=False, **given)
 
 

@@ -188,3 +188,17 @@ def test_distances_settle_against_the_largest_spread_of_the_run() -> None:
     largest = np.linalg.norm(run.p[:, 1] - run.p[:, 0], axis=1).max()
     assert "of twice the largest spread" in words
     assert float(words.split("change at ")[1].split()[0]) == pytest.approx(rate / largest, rel=0.06)
+
+
+@pytest.mark.parametrize("frames", [1, np.linspace(0.0, 0.1, 41)], ids=["one", "early"])
+def test_frames_that_end_before_the_run_show_nothing_of_its_end(frames) -> None:
+    """Two agents on a spring to one place: they get their link at t = 1.27 of 1.3, and lose it again later."""
+    law = fk.Law(fk.Proximity(3.0), [fk.Gradient(fk.Potential("0*r")), fk.Track(fk.Sink([0.0]), 1.0, 0.0)])
+    start = fk.State([[-5.0], [5.0]], [[0.0], [0.0]])
+    run = fk.simulate(fk.Scenario(law, start, t_end=1.3, frames=frames), progress=False)
+    assert run.switches["time"] == pytest.approx([np.arccos(0.3)])
+    report = fk.audit(run)
+    for key in ("switching-stops", "velocities-agree", "distances-settle"):
+        assert report[key].verdict is Verdict.NOT_RESOLVED, key
+        assert "its end is not seen" in report[key].words
+    assert report["links-kept"].verdict is Verdict.HOLDS

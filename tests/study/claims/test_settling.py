@@ -27,7 +27,7 @@ BOUND = 0.01
 def motion(t: np.ndarray, moved: float, oldest: Any) -> Any:
     """What is asked of the evidence: how far agents moved, and what they used last."""
     kept = {"path_about_mean": moved, "oldest_knowledge": oldest, "yet_to_meet": "", "need_one_motion": lambda: None}
-    return SimpleNamespace(t=t, when=str, **kept)
+    return SimpleNamespace(t=t, when=str, need_end=lambda last: None, **kept)
 
 
 def verdict(values: np.ndarray, t: np.ndarray = T, moved: float = 1.0, oldest: Any = None) -> str:

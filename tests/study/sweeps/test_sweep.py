@@ -134,7 +134,7 @@ def test_convergence_times_are_the_first_moment_after_which_it_stays_so():
     def found(*spread):
         evidence = SimpleNamespace(
             spread_times=np.arange(len(spread)), velocity_spread=np.array(spread), spread_rounding=0.0,
-            spread_error=0.0, spread_errors=np.zeros(len(spread)),
+            spread_error=0.0, spread_errors=np.zeros(len(spread)), need_end=lambda last, share: None,
         )  # fmt: skip
         return convergence_time(evidence)
 

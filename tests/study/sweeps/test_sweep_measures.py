@@ -224,3 +224,18 @@ def test_the_diameter_in_space_that_repeats_is_to_the_nearest_images() -> None:
     assert values["diameter"] == pytest.approx(0.2) == values["closest"]
     values, _ = rows(scenario.with_(space=OPEN), "diameter")
     assert values["diameter"] == pytest.approx(4.8)
+
+
+@pytest.mark.parametrize("engine", ["exact", "tiles"])
+def test_what_was_at_the_last_frame_is_not_at_the_end_of_a_run_that_goes_on(engine: str) -> None:
+    """Two agents on straight lines that part at t = 2 of 4; the last frame is at t = 1."""
+    law = fk.Law(fk.Proximity(3.0), [fk.Consensus(0.0)])
+    start = fk.State([[0.0, 0.0], [1.0, 0.0]], [[0.0, 0.0], [1.0, 0.0]])
+    early, entire = (
+        Evidence(fk.simulate(fk.Scenario(law, start, t_end=4.0, frames=times), engine=engine, progress=False))
+        for times in ([0.0, 0.5, 1.0], [0.0, 2.0, 4.0])
+    )
+    names = ("velocity_spread", "speed_spread", "order", "speed", "diameter", "convergence_time", "converged")
+    assert measured(early, *names) == [None] * len(names)
+    assert measured(early, "flocks", "connected_at_end") == ([2, False] if engine == "exact" else [None, None])
+    assert measured(entire, "speed", "diameter", "flocks") == [1.0, pytest.approx(5.0), 2]

@@ -10,7 +10,7 @@ from typing import Any, TypedDict
 import numpy as np
 
 from flocking.arrays import Array
-from flocking.engine.runs.provenance import BEYOND, EARLIER, MADE_BY, earlier_parts, last_time
+from flocking.engine.runs.provenance import EARLIER, MADE_BY, earlier_parts, last_time
 from flocking.engine.runs.run import FRAMES, OF_VELOCITIES, Run
 from flocking.formula.safe_digits import rounded_down, rounded_up, time_text
 from flocking.model import observables
@@ -20,6 +20,8 @@ from flocking.study.nets.winding import winding
 
 CERTAIN = 1e-6
 """Share of a distance that is not shown: distances have six digits."""
+SAME_TIME = 1e-9
+"""Share of a run by which its last frame may miss its end and still be at it."""
 LINKS = ("appear", "break")
 """Kinds of switches that are links; others are borders of formulas and ranges of obstacles."""
 
@@ -27,8 +29,8 @@ LINKS = ("appear", "break")
 def summary(run: Run) -> dict[str, Any]:
     """Plain data for JSON: how the run ended, its last state, its closest pair and its ledger.
 
-    A run that was stopped may have gone on after its last frame: ``time`` is that which it reached, ``state_time`` that
-    of the last frame or observation.
+    A run may have gone on after its last frame, where it was stopped or the times of frames were given: ``time`` is
+    that which it reached, ``state_time`` that of the last frame or observation.
     """
     kinds, counts = np.unique(run.switches["kind"], return_counts=True)
     last = len(run.t) - 1
@@ -89,9 +91,11 @@ def summary(run: Run) -> dict[str, Any]:
 
 
 def _reached(run: Run, shown: float | None) -> float | None:
-    """The latest time of which a run has a record; of one that is finished that of its last state, or its session."""
-    if run.finished and shown is not None:
-        return max(shown, last_time(run.scenario, run.provenance) if BEYOND in run.provenance else shown)
+    """The time that a run reached: the end of one that is finished, else the latest of which it has a record."""
+    if run.finished:
+        begin, end = run.scenario.start.t, last_time(run.scenario, run.provenance)
+        # The last frame is at the end up to rounding, unless the times of frames were given.
+        return shown if shown is not None and end - shown <= SAME_TIME * (end - begin) else end
     ends = [float(run.trace["time"][-1])] if len(run.trace) else []
     return max([*ends, *([] if shown is None else [shown])], default=None)
 

@@ -17,7 +17,18 @@ PACKAGES = ("flocking", "numpy", "scipy", "sympy", "llvmlite", "matplotlib", "ne
 """Packages whose versions are shown: what computes, judges and draws."""
 
 
-COLUMNS = ("engine", "agents", "from", "to", "frames", "seed", "tolerance", "steps", "switches", "status")
+COLUMNS = (
+    "engine",
+    "agents",
+    "first frame",
+    "last frame",
+    "frames",
+    "seed",
+    "tolerance",
+    "steps",
+    "switches",
+    "status",
+)
 """What is shown of each run; on a phone, where the head of the table is not shown, beside its value."""
 
 

@@ -75,7 +75,7 @@ def write_run_page(
     entries = [("law", "Law and start", ())] if law_declared else []
     entries += [("claims", "Claims", ()), ("provenance", "Provenance", ())]
     ends = [time_text(run.t[k], run.t[0], run.t[-1], 6) for k in (0, -1)] if len(run.t) else []
-    span = f"t = {ends[0]} to {ends[1]}" if ends else "no frames"
+    span = f"frames from t = {ends[0]} to {ends[1]}" if ends else "no frames"
     agents = f"{run.n} agent{'s' * (run.n > 1)}"
     parts = [
         f"<h1>{escape(title)}</h1>\n",

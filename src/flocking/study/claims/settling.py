@@ -146,6 +146,7 @@ def limit_of(
         Numerical error of its value.
     """
     e.need_one_motion()
+    e.need_end(float(e.t[-1]))
     frames = late_frames(e.t, most=MOST)
     if frames is None:
         return _unseen(bound, value(-1), note, error)
@@ -174,6 +175,7 @@ def limit_of_series(
         As `limit_of` takes them.
     """
     e.need_one_motion()
+    e.need_end(float(t[-1]))
     frames = late_frames(t)
     if frames is None:
         return _unseen(bound, float(values[-1]), note, error)
@@ -309,6 +311,7 @@ def configuration_unsettled(e: Evidence) -> str:
     the end by more than `CHANGE` of the longest, nor by more than `OF_ALL` of the largest change of a length.
     """
     e.need_one_motion()
+    e.need_end(float(e.t[-1]))
     links = e.end_links | e.end_links.T
     found = late_frames(e.t, most=MOST)
     if found is None:

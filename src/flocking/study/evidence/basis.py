@@ -17,6 +17,9 @@ from flocking.model.law import Law
 from flocking.model.state import State
 from flocking.study.trajectory import unseen_links
 
+UNSEEN = 0.1
+"""Share of a run after its last frame beyond which nothing is concluded from its end: limits are of its last tenth."""
+
 MOST_DENSE = 4000
 """Largest group whose pairs are evaluated all at once, a bound on memory: 16 million pairs."""
 
@@ -146,6 +149,23 @@ class RunEvidence:
         """Leave open what would be concluded from motions that were replaced by others; see `replaced`."""
         if why := self.replaced:
             raise NotResolvable(f"{why}: what came before is of another motion")
+
+    def need_end(self, last: float, share: float = UNSEEN) -> None:
+        """Leave open what the end of a run would show that goes on long after what is known of its motion.
+
+        Parameters
+        ----------
+        last
+            Time of the last frame or observation.
+        share
+            The largest share of the run that may follow it.
+        """
+        run, begin = self.run, self.run.scenario.start.t
+        ends = [run.scenario.t_end] if run.finished else run.trace["time"][-1:].tolist()
+        end = max([last, *ends])
+        if end - last > share * (end - begin):
+            seen, ran = (time_text(time, begin, end, 6) for time in (last, end))
+            raise NotResolvable(f"frames end at t = {seen}, and the run at t = {ran}: its end is not seen")
 
     @property
     def is_running(self) -> bool:

@@ -29,6 +29,9 @@ ROUNDINGS = 4
 the seconds since then, which are the difference of both. That rounds twice, and twice as often is allowed.
 """
 
+ALMOST = 1e-9
+"""Share of a run by which its last frame may miss its end and still be at it."""
+
 SUMMARY_ENDINGS = ("_low", "_high", "_interval", "_count")
 """Endings of the columns of a summary that are about a measure besides its mean."""
 
@@ -51,9 +54,10 @@ def _settling(e: Evidence, t: Array, sizes: Array, what: str, *, end: bool) -> f
     Raises
     ------
     NotResolvable
-        When the largest of these differences of velocities is more than rounding and no more than their error, or when
-        errors leave open which of them are within it.
+        When the run goes on after the last of them, when the largest of these differences of velocities is more than
+        rounding and no more than their error, or when errors leave open which of them are within it.
     """
+    e.need_end(float(t[-1]), ALMOST)
     largest, errors = float(sizes.max(initial=0.0)), e.spread_errors
     if e.spread_rounding < largest <= e.spread_error:
         raise NotResolvable(f"{what} differ by {largest:.1e} at most, no more than their error, {e.spread_error:.1e}")
@@ -115,6 +119,19 @@ def following_time(e: Evidence, *, end: bool = False) -> float:
     return _settling(e, e.t, apart, "velocities and the leader's", end=end)
 
 
+def _seen(e: Evidence) -> Evidence:
+    """The evidence of a run whose last frame, or observation where it keeps none, is at its end."""
+    times = e.run.t if len(e.run.t) or e.run.observables is None else e.run.observables["time"]
+    if len(times):
+        e.need_end(float(times[-1]), ALMOST)
+    return e
+
+
+def _linked_at_end(e: Evidence) -> Evidence:
+    """The same of a run whose links at the end are known from its frames alone."""
+    return e if e.switches_known and len(e.run.t) else _seen(e)
+
+
 def _or_nan(value: float) -> float:
     return value if math.isfinite(value) else math.nan
 
@@ -140,12 +157,13 @@ def _closest_linked(e: Evidence) -> float:
 
 def _moving(e: Evidence) -> State:
     """The state at the end of agents with velocities: frames of those of order 1 hold zeros in their place."""
+    _seen(e)
     return State(e.q[-1], e.p[-1], float(e.t[-1]))
 
 
 def _diameter(e: Evidence) -> float:
     """Largest distance at the end, in space that repeats to the nearest image, as all distances there."""
-    if e.run.scenario.space.is_open:
+    if _seen(e).run.scenario.space.is_open:
         return float(e.diameter[-1])
     e.need_few()
     apart = e.distances(e.q[-1])
@@ -193,21 +211,22 @@ def _ledger_closes(e: Evidence) -> bool:
 
 
 MEASURES: dict[str, tuple[str, Measuring]] = {
-    "flocks": ("flocks at the end: groups that links in either direction connect", lambda e: e.flocks_at_end),
+    "flocks": ("flocks at the end: groups that links in either direction connect",
+               lambda e: _linked_at_end(e).flocks_at_end),
     "density": ("share of the agents in the largest flock at the end",
-                lambda e: e.certain_at_end(observables.density)),
+                lambda e: _linked_at_end(e).certain_at_end(observables.density)),
     "connected": ("whether links, in either direction, connect all agents throughout",
                   lambda e: e.is_connected_throughout),
     "connected_at_end": ("whether links, in either direction, connect all agents at the end",
-                         lambda e: e.flocks_at_end == 1),
+                         lambda e: _linked_at_end(e).flocks_at_end == 1),
     "disconnected_at": ("time at which the graph is first apart; a frame where switches are not located",
                         lambda e: _or_nan(e.falls_apart_at)),
     "velocity_spread": ("largest difference from the velocity of the centre of mass at the end",
-                        lambda e: float(e.velocity_spread[-1])),
+                        lambda e: float(_seen(e).velocity_spread[-1])),
     "speed_spread": ("largest speed minus the smallest at the end", lambda e: observables.speed_spread(_moving(e))),
     "order": ("length of the mean unit velocity at the end, of the agents that move",
               lambda e: observables.order(_moving(e))),
-    "speed": ("largest speed at the end", lambda e: float(e.speeds[-1])),
+    "speed": ("largest speed at the end", lambda e: float(_seen(e).speeds[-1])),
     "diameter": ("largest distance of two agents at the end", _diameter),
     "closest": ("smallest distance of two agents in the run", _closest),
     "closest_linked": ("smallest distance of two linked agents in the run",

@@ -109,6 +109,7 @@ def switching_stops(e: Evidence) -> Measure:
     Switching counts as permanent where it is no rarer in the last tenth than before and the velocity spread stays.
     """
     e.need_one_motion()
+    e.need_end(float(e.t[-1]))
     start, end = float(e.t[0]), float(e.t[-1])
     first, last = e.quiet_since if e.law.graph.moves else (e.last_switch, e.last_switch)
     quiet, possible = ((end - t) / (end - start) if end > start else 1.0 for t in (first, last))
