@@ -202,3 +202,12 @@ def test_frames_that_end_before_the_run_show_nothing_of_its_end(frames) -> None:
         assert report[key].verdict is Verdict.NOT_RESOLVED, key
         assert "its end is not seen" in report[key].words
     assert report["links-kept"].verdict is Verdict.HOLDS
+
+
+def test_a_mean_velocity_is_constant_where_frames_show_it() -> None:
+    """Of a run that goes on for long after its last frame nothing is said, as of one frame alone."""
+    law = fk.Law(fk.Complete(), [fk.Consensus(1.0)])
+    start = fk.State([[0.0, 0.0], [1.0, 0.0]], [[0.0, 0.0], [1.0, 0.0]])
+    for frames, verdict in (([0.0, 0.5, 1.0], Verdict.NOT_RESOLVED), ([0.0, 1.0, 3.0], Verdict.HOLDS)):
+        run = fk.simulate(fk.Scenario(law, start, t_end=3.0, frames=frames), progress=False)
+        assert fk.audit(run)["momentum"].verdict is verdict

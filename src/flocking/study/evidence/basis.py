@@ -161,6 +161,9 @@ class RunEvidence:
             The largest share of the run that may follow it.
         """
         run, begin = self.run, self.run.scenario.start.t
+        if self.is_running:
+            # Its next frame is on the way.
+            return
         ends = [run.scenario.t_end] if run.finished else run.trace["time"][-1:].tolist()
         end = max([last, *ends])
         if end - last > share * (end - begin):

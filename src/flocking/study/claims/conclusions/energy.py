@@ -64,6 +64,9 @@ def momentum_drift(e: Evidence) -> Measure:
     absolute = 0.0 if e.sampled and float(e.speeds.max()) > 0.0 else _velocity_tolerance(e)
     note = f"mean velocity moved by {drift:.1e}"
     found = within_tolerances(e, drift, DRIFT_TOLERANCES, absolute, note, 2.0 * e.velocity_error)
+    if found.holds:
+        # What frames show refutes; what they do not show of the rest of the run proves nothing.
+        e.need_end(float(e.t[-1]))
     # A conserved quantity is decided at any time. Steps of fixed length keep it as the law does: by forces that cancel.
     return replace(found, everywhere=False, conserved=e.fixed_step and not needs_momentum(e))
 
