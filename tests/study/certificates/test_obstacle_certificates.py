@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.engine.runs.run import ledger_of
 from flocking.formula.intervals import Interval
 from flocking.study.certificates.comparison import compare
 from flocking.study.certificates.obstacle_certificates import ObstacleSetting
@@ -62,7 +63,9 @@ def test_the_approach_of_held_forces_is_that_of_parabolas():
     t = np.array([0.0, 0.7, 1.4, 2.1])
     places = (1.0 - 2.0 * t + t**2)[:, None, None] * np.array([1.0, 0.0])
     speeds = (2.0 * t - 2.0)[:, None, None] * np.array([1.0, 0.0])
-    run = SimpleNamespace(t=t, q=places, p=speeds, fine=None, scenario=thrown(1.0))
+    run = SimpleNamespace(
+        t=t, q=places, p=speeds, n=1, fine=None, scenario=thrown(1.0), accuracy=None, trace=ledger_of([])
+    )
     least, error = nearest_obstacle(run, [WALL])[:2]
     assert least == pytest.approx(0.0, abs=1e-9)
     assert error < 1e-12

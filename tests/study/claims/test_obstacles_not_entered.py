@@ -87,6 +87,33 @@ def test_an_obstacle_that_dashes_through_an_agent_between_two_frames_is_not_over
     assert verdict(run)[0] == "not resolved"
 
 
+@pytest.mark.parametrize("turns", [1, 18])
+def test_an_obstacle_that_goes_to_and_fro_in_step_with_the_frames_is_not_overlooked(turns: int) -> None:
+    """At frames, and at places between that divide them evenly, it is where it began, at rest."""
+    sway = Path(["a*w*sin(w*t)", "0"], [0.0, 0.0], a=4.5, w=2.0 * np.pi * turns / 0.5)
+    run = fk.simulate(coasting(fk.Ball(sway, 0.5), [9.0, 0.0], [0.0, 0.0], 3).with_(t_end=1.0), progress=False)
+    found = Evidence(run).nearest_obstacle
+    assert found.at_samples == pytest.approx(8.5)
+    assert found.distance - found.error <= -0.5
+    assert verdict(run)[0] == "not resolved"
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_an_agent_that_is_back_at_every_frame_is_not_taken_to_have_stayed(order: int) -> None:
+    """Cubic curves through frames that are a period apart are points; the ledger has the energy in between."""
+    track = fk.Track(fk.Sink([0.0, 0.0]), (2.0 * np.pi) ** 2, 0.0)
+    if order == 1:
+        track = fk.Track(Path(["-w*sin(w*t)", "0"], [1.0, 0.0], w=2.0 * np.pi), 1.0, 1.0)
+    law = fk.Law(fk.Proximity(0.5), [blind(fk.Ball([-1.0, 0.0], 0.5)), track])
+    agents = fk.SingleIntegrator() if order == 1 else fk.PointMass()
+    scenario = fk.Scenario(law, fk.State([[1.0, 0.0]], [[0.0, 0.0]]), t_end=4.0, frames=5, agents=agents)
+    run = fk.simulate(scenario, progress=False)
+    assert np.ptp(run.q, axis=0).max() < 1e-6
+    assert verdict(run)[0] == "not resolved"
+    assert verdict(fk.simulate(scenario.with_(frames=401), progress=False))[0] == "fails"
+    assert verdict(fk.simulate(scenario, fine=True, progress=False))[0] == "fails"
+
+
 class Swelling(fk.Ball):
     """A ball whose radius grows: it does not rest in the frame of its leader."""
 

@@ -10,13 +10,14 @@ import numpy as np
 
 from flocking.arrays import Array
 from flocking.engine.runs.run import Run
-from flocking.model.leaders_and_obstacles.leaders import Leader, Sink
+from flocking.model.leaders_and_obstacles.leaders import SPEED_INTERVALS, Leader, Sink
 from flocking.model.leaders_and_obstacles.obstacles import Obstacle
 from flocking.model.world.safety_filters import SafetyFilter
 from flocking.model.world.times import NANOSECOND
 from flocking.study.curve_distances import MOST_PARTS, RESOLVED, searched_curves
 from flocking.study.evidence.basis import NotMeasurable
 from flocking.study.evidence.motion import MotionEvidence
+from flocking.study.evidence.unseen_motion import beyond_curves
 from flocking.study.message_logs.recorded_motion import RecordedMotion
 
 LOOKS = 17
@@ -24,6 +25,10 @@ LOOKS = 17
 
 LEFT_OUT = 2.0
 """Largest distance from that curve over the largest at these places: 1.03 for a smooth path, more for a sudden one."""
+
+FASTER = 2.0
+"""Bound of the speed of an obstacle over the largest at these places above which it may dash between them: at most the
+square root of the dimension for a smooth path, of which each component is bounded by itself."""
 
 RIGID = 1e-9
 """Share of the largest distance by which an obstacle that moves with its leader may seem to change by rounding."""
@@ -87,8 +92,9 @@ def nearest_obstacle(run: Run, obstacles: Sequence[Obstacle], errors: Array | No
     Otherwise an agent is taken to be on the cubic curve through its positions and velocities at two samples. Samples
     are the fine ones of the exact engine, eight in each of its steps, where the run has them (``fine=True``), else the
     frames. How far it may be from the curve is estimated as in `RecordedMotion`: from how much accelerations of
-    neighbouring curves differ and bend. An obstacle that moves is at rest in the frame of its leader, whose path is
-    compared with cubic curves too.
+    neighbouring curves differ and bend; where the ledger has another kinetic energy than the curves, it is as far as
+    the largest speed takes agents. An obstacle that moves is at rest in the frame of its leader, whose path is compared
+    with cubic curves too, at places between samples, and by a bound of its speed where it may dash between these.
 
     Parameters
     ----------
@@ -181,7 +187,8 @@ def _recorded(run: Run) -> _Samples:
     motion = RecordedMotion(run, samples=samples)
     middle = (0.5 * (t[1:] + t[:-1]) - start.t)[:, None]
     # In the middle between two samples the estimate is largest.
-    return _Samples(t, q, p, motion.at(middle, np.arange(q.shape[1])[None]).off_q)
+    off = motion.at(middle, np.arange(q.shape[1])[None]).off_q
+    return _Samples(t, q, p, off + beyond_curves(run)[:, None] if samples is run else off)
 
 
 def _held(run: Run) -> _Samples | None:
@@ -228,16 +235,27 @@ def _relative(mover: Leader, samples: _Samples) -> _Samples:
     """The samples in the frame of an obstacle that moves, where it rests as it is at the first of them."""
     t = samples.t
     place, velocity, _ = mover.along(t)
-    off = np.zeros(len(t) - 1)
+    off, seen = np.zeros(len(t) - 1), np.maximum(_speeds(velocity[:-1]), _speeds(velocity[1:]))
     h = np.diff(t)[:, None]
     for x in (np.arange(LOOKS) + 1.0) / (LOOKS + 1.0):
         curve = (
             (1 + 2 * x) * (1 - x) ** 2 * place[:-1] + x**2 * (3 - 2 * x) * place[1:]
             + h * x * (1 - x) * ((1 - x) * velocity[:-1] - x * velocity[1:])
         )  # fmt: skip
-        off = np.maximum(off, np.linalg.norm(curve - mover.along(t[:-1] + x * h[:, 0])[0], axis=1))
+        there, fast, _ = mover.along(t[:-1] + x * h[:, 0])
+        off, seen = np.maximum(off, np.linalg.norm(curve - there, axis=1)), np.maximum(seen, _speeds(fast))
+    # Half the way from one such place to the next, and as much again for the curve, where it may be faster than there.
+    edges = t[:-1] + np.linspace(0.0, 1.0, SPEED_INTERVALS + 1)[:, None] * h[:, 0]
+    fastest = mover.speed_bounds(edges[:-1].ravel(), edges[1:].ravel()).reshape(SPEED_INTERVALS, -1).max(axis=0)
+    dashes = np.isfinite(fastest) & (fastest > FASTER * seen)
+    off[dashes] += h[dashes, 0] / (LOOKS + 1.0) * fastest[dashes]
     q = samples.q - place[:, None] + place[0]
     return _Samples(t, q, samples.p - velocity[:, None], samples.off + LEFT_OUT * off[:, None])
+
+
+def _speeds(velocities: Array) -> Array:
+    """Lengths of velocities, shape (K,)."""
+    return np.asarray(np.linalg.norm(velocities, axis=1))
 
 
 class _Curves(NamedTuple):
