@@ -114,6 +114,16 @@ def test_an_agent_that_is_back_at_every_frame_is_not_taken_to_have_stayed(order:
     assert verdict(fk.simulate(scenario, fine=True, progress=False))[0] == "fails"
 
 
+@pytest.mark.parametrize("engine", ["exact", "tiles"])
+def test_an_agent_that_touches_a_boundary_within_rounding_is_on_no_side_of_it(engine: str) -> None:
+    touching = coasting(fk.Ball([0.0, 0.0], 1.0), [-3.0, 1.0], [2.0, 0.0], 61).with_(t_end=3.0)
+    options = {"step": 0.05} if engine == "tiles" else {}
+    run = fk.simulate(touching, engine=engine, progress=False, **options)
+    found, note = verdict(run)
+    assert found == "not resolved"
+    assert "inside" not in note
+
+
 class Swelling(fk.Ball):
     """A ball whose radius grows: it does not rest in the frame of its leader."""
 

@@ -30,6 +30,9 @@ FASTER = 2.0
 """Bound of the speed of an obstacle over the largest at these places above which it may dash between them: at most the
 square root of the dimension for a smooth path, of which each component is bounded by itself."""
 
+ROUNDED = 4.0 * float(np.finfo(np.float64).eps)
+"""Share of coordinates and distances by which rounding changes a distance: an agent on a boundary is on no side."""
+
 RIGID = 1e-9
 """Share of the largest distance by which an obstacle that moves with its leader may seem to change by rounding."""
 
@@ -302,6 +305,8 @@ def _least(
         return distances(q.reshape(-1, shape[2]), np.repeat(t, shape[1]), values).reshape(shape[:2])
 
     ends = at(samples.q, samples.t)
+    rounding = ROUNDED * float(np.abs(samples.q).max(initial=0.0) + np.abs(ends).max(initial=0.0))
+    errors = errors + rounding
     frame, agent = np.unravel_index(int((ends + errors[:, None]).argmin()), ends.shape)
     where = float(ends[frame, agent]), float(errors[frame]), float(samples.t[frame]), int(agent)
     near = min(near, float(ends.min()))
@@ -326,4 +331,4 @@ def _least(
         points = np.stack([q[k, i], q[k, i] + h * p[k, i], q[k + 1, i] - h * p[k + 1, i], q[k + 1, i]], axis=1)
         near, low, missed = searched_curves(obstacle, t[0], points, off[k, i], near, low, tolerance)
         hidden = min(hidden, missed)
-    return Nearest(near, near - min(low, hidden), *where)
+    return Nearest(near, near - min(low, hidden) + rounding, *where)
