@@ -124,6 +124,17 @@ def test_an_agent_that_touches_a_boundary_within_rounding_is_on_no_side_of_it(en
     assert "inside" not in note
 
 
+def test_an_agent_of_order_1_with_held_velocities_that_is_back_at_every_frame_is_not_taken_to_have_stayed() -> None:
+    track = fk.Track(Path(["-w*sin(w*t)", "0"], [1.0, 0.0], w=2.0 * np.pi), 1.0, 1.0)
+    law = fk.Law(fk.Proximity(0.5), [blind(fk.Ball([-1.0, 0.0], 0.5)), track])
+    scenario = fk.Scenario(
+        law, fk.State([[1.0, 0.0]], [[0.0, 0.0]]), t_end=4.0, frames=5, agents=fk.SingleIntegrator(),
+        control=fk.Held(0.05),
+    )  # fmt: skip
+    assert verdict(fk.simulate(scenario, progress=False))[0] == "not resolved"
+    assert verdict(fk.simulate(scenario.with_(frames=81), progress=False))[0] == "fails"
+
+
 class Swelling(fk.Ball):
     """A ball whose radius grows: it does not rest in the frame of its leader."""
 

@@ -14,8 +14,8 @@ SEEN = 1e-6
 curves may be off: more than errors of the steps and of rounding in single precision add up to."""
 
 STEPS = 8
-"""Steps of adaptive length between two frames above which agents of order 1 may have turned there and back. Around a
-circle the method takes more, at tolerances of 1e-6 or less; steps that end at a switch do not count."""
+"""Steps between two frames above which agents of order 1 may have turned there and back. Around a circle adaptive steps
+are more, at tolerances of 1e-6 or less; steps that end at a switch do not count."""
 
 FARTHEST = 1.25
 """Largest distance of an agent from the cubic curve through two frames, over its largest speed times the time between
@@ -56,7 +56,7 @@ def unseen(run: Run) -> Array:
     any estimate of what they miss is 0. But with given ends, at rest in them relative to the mean motion, its kinetic
     energy in between is larger than that of the curve, of all agents together too. The ledger has it at every step.
 
-    Of agents of order 1 there is none: there are too many steps between two frames where their length is adaptive.
+    Agents of order 1 have none: between two frames there may be few steps, see `STEPS`.
 
     Parameters
     ----------
@@ -68,10 +68,8 @@ def unseen(run: Run) -> Array:
     inside = np.flatnonzero((times > run.t[0]) & (times < run.t[-1]))
     agents = run.scenario.agents
     if agents.order == 1:
-        if run.fidelity.ledger.kind == "tolerance":
-            steps = np.setdiff1d(times[inside], run.switches["time"])
-            found = np.histogram(steps, bins=np.asarray(run.t, dtype=np.float64))[0] > STEPS
-        return found
+        steps = np.setdiff1d(times[inside], run.switches["time"])
+        return np.asarray(np.histogram(steps, bins=np.asarray(run.t, dtype=np.float64))[0] > STEPS)
     if not has_energy_of_points(agents):
         return found
     motion, energy, start = RecordedMotion(run), run.scenario.energy, run.scenario.start
