@@ -56,6 +56,7 @@ def test_no_obstacle_is_not_applicable_and_one_frame_shows_nothing_between() -> 
     late = coasting(fk.Ball([0.0, 0.0], 1.0), [3.0, 0.0], [0.0, 0.0])
     parts = fk.simulate(late.with_(frames=(4.0, 5.0, 6.0, 7.0)), progress=False)
     assert verdict(parts)[0] == "not resolved"
+    assert verdict(replace(parts, status="running"))[0] == "not resolved"
 
 
 def circling(radius: float, rate: float) -> Leader:

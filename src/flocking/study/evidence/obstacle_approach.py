@@ -164,7 +164,7 @@ class ObstacleEvidence(MotionEvidence):
             raise NotMeasurable(f"{len(self.t)} frames of {run.n} agents are too many beside {count} obstacles")
         found = nearest_obstacle(run, self.obstacles, self.frame_errors)
         samples = run if run.fine is None or not len(run.fine.t) else run.fine
-        begins = self.is_running or samples.t[0] <= run.scenario.start.t
+        begins = samples.t[0] <= run.scenario.start.t
         ends = run.status != "finished" or samples.t[-1] >= run.scenario.t_end
         return found if begins and ends and not self.sampled else found._replace(error=np.inf)
 
