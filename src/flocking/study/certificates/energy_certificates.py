@@ -11,7 +11,7 @@ from flocking.formula.intervals import Interval
 from flocking.formula.safe_digits import rounded_down, rounded_up
 from flocking.model.terms.pair_terms import Consensus
 from flocking.study.certificates.certificate import ALONE, NOT_APPLICABLE, Certificate, decided
-from flocking.study.certificates.energy_setting import EnergySetting
+from flocking.study.certificates.energy_setting import LARGEST_GROUP, EnergySetting
 from flocking.study.certificates.sources import sources
 
 KEYS = (
@@ -47,7 +47,9 @@ def _without_pairs(setting: EnergySetting) -> str:
     """Why there is no pair of which links or distances could be stated; empty where there is one."""
     if setting.n == 1:
         return ALONE
-    return "" if setting.graph.moves or setting.start_links.any() else "links are fixed, and there is none"
+    # Of larger groups nothing is stated, and pairs are not looked at.
+    linked = setting.graph.moves or setting.n > LARGEST_GROUP or setting.start_links.any()
+    return "" if linked else "links are fixed, and there is none"
 
 
 def _not_said(key: str, reason: str) -> Certificate:

@@ -191,7 +191,7 @@ def test_large_groups_are_refused_by_name_before_all_pairs_are_looked_at():
         (aligning, limited, "braking_suffices", "refused"),
         (agreeing, fk.PointMass(), "decay_rate", "not applicable"),
     ):  # fmt: skip
-        with soon(20.0):
+        with soon(5.0):
             found = fk.certify(fk.Scenario(law, start, t_end=1.0, bodies=bodies))
         assert found[key].outcome == outcome
         assert "agents" in found[key].reason
