@@ -77,11 +77,22 @@ class MotionEvidence(RunEvidence):
     def spread_errors(self) -> Array:
         """The same at each of `spread_times`, shape (F,); where these are no frames, the largest of the frames."""
         stated = 2.0 * self.velocity_error * float(np.sqrt(self.run.scenario.start.q.shape[1]))
-        found = np.full(len(self.spread_times), stated)
-        if self.run.accuracy is None:
-            return found
-        errors = 2.0 * np.asarray(self.run.accuracy.frames[:, 1], dtype=np.float64)
-        return found + (errors if len(errors) == len(found) else errors.max(initial=0.0))
+        return stated + 2.0 * self.stated_errors(1, len(self.spread_times))
+
+    def stated_errors(self, column: int, count: int) -> Array:
+        """Errors that the run states of single agents at its frames, shape (count,); 0 where it states none.
+
+        Parameters
+        ----------
+        column
+            0 for positions, 1 for velocities.
+        count
+            Number of times; where it is not that of the frames, each has the largest error of these.
+        """
+        known = None if self.run.accuracy is None else np.asarray(self.run.accuracy.frames[:, column], dtype=np.float64)
+        if known is None:
+            return np.zeros(count)
+        return known if len(known) == count else np.full(count, known.max(initial=0.0))
 
     @cached_property
     def late_errors(self) -> tuple[float, float]:

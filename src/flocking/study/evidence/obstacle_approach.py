@@ -18,7 +18,7 @@ from flocking.study.curve_distances import MOST_PARTS, RESOLVED, searched_curves
 from flocking.study.evidence.basis import NotMeasurable
 from flocking.study.evidence.motion import MotionEvidence
 from flocking.study.evidence.unseen_motion import beyond_curves
-from flocking.study.message_logs.recorded_motion import RecordedMotion
+from flocking.study.message_logs.recorded_motion import RecordedMotion, cubic
 
 LOOKS = 17
 """Places between two samples at which the path of a moving obstacle is compared with the cubic curve through them."""
@@ -171,11 +171,8 @@ class ObstacleEvidence(MotionEvidence):
     @property
     def frame_errors(self) -> Array:
         """Estimated errors of the positions of agents at the frames, shape (F,); 0 where none is stated."""
-        found = np.full(len(self.t), self.position_error * float(np.sqrt(self.run.q.shape[2])))
-        if self.run.accuracy is None or not len(self.run.accuracy.frames):
-            return found
-        errors = np.asarray(self.run.accuracy.frames[:, 0], dtype=np.float64)
-        return found + (errors if len(errors) == len(found) else errors.max(initial=0.0))
+        sampled = self.position_error * float(np.sqrt(self.run.q.shape[2]))
+        return sampled + self.stated_errors(0, len(self.t))
 
 
 def _recorded(run: Run) -> _Samples:
@@ -241,10 +238,7 @@ def _relative(mover: Leader, samples: _Samples) -> _Samples:
     off, seen = np.zeros(len(t) - 1), np.maximum(_speeds(velocity[:-1]), _speeds(velocity[1:]))
     h = np.diff(t)[:, None]
     for x in (np.arange(LOOKS) + 1.0) / (LOOKS + 1.0):
-        curve = (
-            (1 + 2 * x) * (1 - x) ** 2 * place[:-1] + x**2 * (3 - 2 * x) * place[1:]
-            + h * x * (1 - x) * ((1 - x) * velocity[:-1] - x * velocity[1:])
-        )  # fmt: skip
+        curve = cubic(x, h, place[:-1], place[1:], velocity[:-1], velocity[1:])
         there, fast, _ = mover.along(t[:-1] + x * h[:, 0])
         off, seen = np.maximum(off, np.linalg.norm(curve - there, axis=1)), np.maximum(seen, _speeds(fast))
     # Half the way from one such place to the next, and as much again for the curve, where it may be faster than there.

@@ -43,6 +43,19 @@ class Between(NamedTuple):
     off_p: Array
 
 
+def cubic(x: Array | float, h: Array, q0: Array, q1: Array, p0: Array, p1: Array) -> Array:
+    """Places on cubic curves with given ends and velocities there (Hermite interpolation), shape of the ends.
+
+    Parameters
+    ----------
+    x, h
+        Where on the curves, in [0, 1], and how long they take; both broadcast against the ends.
+    q0, q1, p0, p1
+        Positions at the ends, and velocities there.
+    """
+    return (1 + 2 * x) * (1 - x) ** 2 * q0 + x**2 * (3 - 2 * x) * q1 + h * x * (1 - x) * ((1 - x) * p0 - x * p1)
+
+
 class RecordedMotion:
     """Where agents were, by their frames alone: cubics with the positions and velocities of two frames.
 
@@ -127,7 +140,7 @@ class RecordedMotion:
         x = (seconds - self._t[k]) / h
         q0, q1, p0, p1 = self._q[k, agents], self._q[k + 1, agents], self._p[k, agents], self._p[k + 1, agents]
         s, d = x[..., None], h[..., None]
-        q = (1 + 2 * s) * (1 - s) ** 2 * q0 + s**2 * (3 - 2 * s) * q1 + d * s * (1 - s) * ((1 - s) * p0 - s * p1)
+        q = cubic(s, d, q0, q1, p0, p1)
         p = 6 * s * (1 - s) * (q1 - q0) / d + (1 - s) * (1 - 3 * s) * p0 + s * (3 * s - 2) * p1
         # Values and slopes are right at both ends: with an error of the acceleration of at most e, those of position
         # and velocity are at most e h**2 / 16 and e h / 4, and less near an end.

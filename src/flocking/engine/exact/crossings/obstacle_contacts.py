@@ -211,11 +211,10 @@ class ObstacleContacts(ObstacleDistances):
     ) -> list[tuple[int, Array, Indices]]:
         centres = centre_paths(self.groups[g].obstacles, segment.t0, segment.t1)  # type: ignore[arg-type]
         radii = self.radii(g)
-        moved = np.linalg.norm(centres[-1] - centres[0], axis=-1).max(initial=0.0, keepdims=True)
-        if moved.any():
-            moved += np.abs(centres).max()
-        latest = max(abs(segment.t0), abs(segment.t1))
-        located = float(place_slack(moved, latest, segment.t1 - segment.t0).max())
+        located, moved = 0.0, float(np.linalg.norm(centres[-1] - centres[0], axis=-1).max(initial=0.0))
+        if moved:
+            reach, latest = np.array(moved + np.abs(centres).max()), max(abs(segment.t0), abs(segment.t1))
+            located = float(place_slack(reach, latest, segment.t1 - segment.t0))
         found = []
         for number, level in enumerate(self.levels):
             if level.group == g:
