@@ -16,7 +16,7 @@ from flocking.engine.exact.companion import (
 )
 from flocking.engine.exact.crossings.images import nearest_shift
 from flocking.engine.exact.crossings.obstacle_approaches import ObstacleStep
-from flocking.engine.exact.crossings.switch_numbers import radial_motion, switch_errors
+from flocking.engine.exact.crossings.switch_numbers import beyond_level, radial_motion, switch_errors
 from flocking.engine.exact.crossings.switching import Crossing, LinkState, slack_of
 from flocking.engine.exact.crossings.view_guards import Bearing, ViewGuard, of_pair
 from flocking.engine.exact.dynamics import LEDGER, Dynamics
@@ -234,7 +234,7 @@ class SolutionError:
             motion = segment.motion(*self._sizes, self._dynamics.order)
             acceleration = ObstacleStep(links, segment, motion.positions).acceleration(number, i, j)
         else:
-            _, _, acceleration = _radial(segment, i, j, *self._sizes, links.space)
+            *_, acceleration = _radial(segment, i, j, *self._sizes, links.space)
             if (view := links.view_of(number)) is not None and segment.t1 > segment.t0:
                 side = self._at_side(segment, (i, j), view, float(links.watches[number].leave[i]))
                 if side is not None:
@@ -303,12 +303,16 @@ class SolutionError:
             turned = 0.0 if view is None else float(view.heading_errors(segment, error.column)[i])
             most = bound if view is None else bound + float(watch.leave[i]) * turned
             self._settle(self._doubts.cross(crossing, k, segment.t1, links, most), segment, links)
-            radial = _radial(segment, i, j, *self._sizes, links.space, self.difference.nodes[-1])
+            apart, off, turning, bend = _radial(segment, i, j, *self._sizes, links.space, self.difference.nodes[-1])
+            side = None if view is None else self._at_side(segment, (i, j), view, float(watch.leave[i]))
             # It counts from where the pair is that far beyond the distance.
-            errors = switch_errors(bound, drift, speed, *radial, slack_of(watch, error.q_floor / ROUNDING))
-            if view is not None:
-                errors = self._by_bearing(errors, (bound, turned), segment, (i, j), view, float(watch.leave[i]))
-            late, drift, delay = errors
+            beyond = slack_of(watch, error.q_floor / ROUNDING)
+            if side is None:
+                beyond = beyond_level(apart, watch.level(i, bool(links.near[crossing.watch][i, j])), beyond)
+            late, drift, delay = switch_errors(bound, drift, speed, off, turning, bend, beyond)
+            if side is not None:
+                most = bound * side.steep + float(np.linalg.norm(apart)) * turned * side.turned
+                late, _, delay = switch_errors(most, 0.0, side.rate, side.off, 0.0, side.bend, abs(side.inside))
         if not np.isfinite(late):
             self._companion.lose(segment.t1)
             return np.inf, np.inf
@@ -317,31 +321,6 @@ class SolutionError:
             self._jump = (delay, self._dynamics.slope(segment.t1, segment.coefficients[-1]))
         # The user's time is resolved no finer.
         return late + float(np.spacing(abs(segment.t1 + self._dynamics.base))), drift
-
-    def _by_bearing(
-        self, errors: tuple[float, float, float], bounds: tuple[float, float], segment: Segment, pair: tuple[int, int],
-        view: ViewGuard, radius: float,
-    ) -> tuple[float, float, float]:  # fmt: skip
-        """`switch_errors` of an agent that enters or leaves a field of view, which may be by its bearing.
-
-        Parameters
-        ----------
-        errors
-            Those of a crossing of its ``radius``, which hold where it crosses that.
-        bounds
-            Error of the distance of the pair, and of the heading.
-        segment, pair
-            The step, the agent that looks, and the other one.
-        view
-            How agents look.
-        """
-        side = self._at_side(segment, pair, view, radius)
-        if side is None:
-            return errors
-        distance = float(np.linalg.norm(of_pair(segment.coefficients[-1], pair, self._dynamics.m)))
-        most = bounds[0] * side.steep + distance * bounds[1] * side.turned
-        late, _, delay = switch_errors(most, 0.0, side.rate, side.off, 0.0, side.bend, abs(side.inside))
-        return late, errors[1], delay
 
     def _at_side(self, segment: Segment, pair: tuple[int, int], view: ViewGuard, radius: float) -> Bearing | None:
         """How a ``pair`` at a side of a ``view`` stands to it at the end of a step; None at its ``radius``."""
@@ -407,8 +386,10 @@ class SolutionError:
 
 def _radial(
     segment: Segment, i: int, j: int, n: int, m: int, space: Space, difference: Array | None = None
-) -> tuple[float, float, float]:
-    """`radial_motion` of two agents at the end of a segment, on which the state vectors differ by ``difference``."""
+) -> tuple[Array, float, float, float]:
+    """Difference of the positions of two agents at the end of a segment, shape (m,), and their `radial_motion` where
+    the state vectors differ by ``difference``.
+    """
     C = segment.coefficients
     apart = C[:, j * m : (j + 1) * m] - C[:, i * m : (i + 1) * m]
     if not space.is_open:
@@ -416,5 +397,4 @@ def _radial(
     e = np.zeros(m)
     if difference is not None:
         e = difference[j * m : (j + 1) * m] - difference[i * m : (i + 1) * m]
-    found: tuple[float, float, float] = radial_motion(apart, segment.t0, segment.t1, e)
-    return found
+    return apart[-1], *radial_motion(apart, segment.t0, segment.t1, e)

@@ -26,7 +26,7 @@ from flocking.engine.exact.blocks.slides import slides
 from flocking.engine.exact.blocks.tried_steps import LAST
 from flocking.engine.exact.companion import SAFETY
 from flocking.engine.exact.crossings.ball_guards import largest_radius, level_slack
-from flocking.engine.exact.crossings.switch_numbers import agent_difference, pair_speed, switch_errors
+from flocking.engine.exact.crossings.switch_numbers import agent_difference, beyond_level, pair_speed, switch_errors
 from flocking.engine.exact.crossings.watch_tables import BallWatches
 from flocking.engine.kernels.law_kernels import CompiledLaw, Pairs
 from flocking.formula.native.functions import native_apart
@@ -112,11 +112,12 @@ def judge_contact(
         work.d[k] = y[i * m + k] - balls.centres[level, 0, o, k]
         work.v[k] = y[(n + i) * m + k] if law.order == 2 else work.velocities[0, i * m + k]
     speed, size = pair_speed(work.d, work.v)
+    slack = level_slack(q_floor / ROUNDING, balls.levels[level], largest_radius(balls.radii[level]))
+    beyond = beyond_level(work.d, balls.levels[level] + balls.radii[level, o], slack)
     for k in range(m):
         work.v[k] = work.e[LAST, i * m + k]
     off, _ = pair_speed(work.d, work.v)
     bound = SAFETY * agent_difference(work.e, i, m) + q_floor
-    beyond = level_slack(q_floor / ROUNDING, balls.levels[level], largest_radius(balls.radii[level]))
     late, drift, delay = switch_errors(bound, np.inf, speed, off, 0.0, 0.0, beyond)
     if not np.isfinite(late) or slides(switched, False, balls.levels[level], crossed[c], stop, speed):
         return False

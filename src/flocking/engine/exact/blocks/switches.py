@@ -40,7 +40,13 @@ from flocking.engine.exact.blocks.doubts import begin_doubts, row_of
 from flocking.engine.exact.blocks.slides import slides, slides_now
 from flocking.engine.exact.blocks.tried_steps import LAST, energy_at
 from flocking.engine.exact.companion import SAFETY
-from flocking.engine.exact.crossings.switch_numbers import largest_difference, pair_speed, radial_motion, switch_errors
+from flocking.engine.exact.crossings.switch_numbers import (
+    beyond_level,
+    largest_difference,
+    pair_speed,
+    radial_motion,
+    switch_errors,
+)
 from flocking.engine.exact.crossings.watch_tables import PairWatches, slack_at
 from flocking.engine.kernels.law_kernels import CompiledLaw, stages
 from flocking.formula.native.functions import native_apart
@@ -249,6 +255,8 @@ def judge_switches(
             else:
                 work.v[k] = work.velocities[0, j * m + k] - work.velocities[0, i * m + k]
         speed, relative = pair_speed(work.d, work.v)
+        level = pairs.leave[w, i] if pairs.near[w, i, j] else pairs.enter[w, i]
+        beyond = beyond_level(work.d, level, slack_at(pairs.slack[w], q_floor / ROUNDING))
         bound = SAFETY * largest_difference(work.e, 0, i, j, m) + 2.0 * q_floor
         if second:
             drift = SAFETY * largest_difference(work.e, n * m, i, j, m) + 2.0 * p_floor
@@ -263,7 +271,6 @@ def judge_switches(
         for k in range(m):
             work.d[k] = work.e[LAST, j * m + k] - work.e[LAST, i * m + k]
         off, turning, acceleration = radial_motion(work.apart, begin, stop, work.d)
-        beyond = slack_at(pairs.slack[w], q_floor / ROUNDING)
         late, drift, delay = switch_errors(bound, drift, speed, off, turning, acceleration, beyond)
         if not np.isfinite(late) or slides(switched, pairs.smooth[w], pairs.leave[w, i], crossed[c], stop, speed):
             return False

@@ -21,7 +21,7 @@ from flocking.engine.exact.crossings.ball_guards import (
     level_slack,
     uniform_balls,
 )
-from flocking.engine.exact.crossings.switch_numbers import pair_speed
+from flocking.engine.exact.crossings.switch_numbers import beyond_level, pair_speed
 from flocking.engine.exact.crossings.watch_tables import BallWatches
 from flocking.engine.kernels.obstacle_crossings import first_crossings, place_slack, speed_bound
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
@@ -109,7 +109,10 @@ class ObstacleContacts(ObstacleDistances):
         """
         level = self.levels[number]
         if self._balls[level.group] and _rest(self.groups[level.group].obstacles):
-            return float(level_slack(q_floor / ROUNDING, level.distance, largest_radius(self.radii(level.group))))
+            radii = self.radii(level.group)
+            slack = float(level_slack(q_floor / ROUNDING, level.distance, largest_radius(radii)))
+            centre = _place(self.groups[level.group].obstacles[o].centre, t)  # type: ignore[attr-defined]
+            return float(beyond_level(q - centre, level.distance + float(radii[o]), slack))
         there = float(self.clearance(level.group, q[None], np.array([t]), np.array([o]))[0])
         return float(level_slack(q_floor / ROUNDING, level.distance, 0.0)) + abs(there - level.distance)
 

@@ -102,6 +102,27 @@ def radial_motion(apart: Array, begin: float, end: float, e: Array) -> tuple[flo
     return off / r, np.sqrt(aside) / r, (rate - before) / (DIFFERENCED * span)
 
 
+@native
+def beyond_level(d: Array, level: float, slack: float) -> float:
+    """How far beyond a level a distance counts as across where it was located.
+
+    A step that is cut there may have smaller coordinates than the whole one, on whose rounding that depends.
+
+    Parameters
+    ----------
+    d
+        Difference of the positions there, shape (m,).
+    level
+        The level.
+    slack
+        How far it is at least.
+    """
+    square = 0.0
+    for k in range(d.shape[0]):
+        square += d[k] * d[k]
+    return float(max(slack, abs(np.sqrt(square) - level)))
+
+
 def switch_errors(
     bound: float, drift: float, speed: float, off: float, turning: float, acceleration: float, beyond: float
 ) -> tuple[float, float, float]:

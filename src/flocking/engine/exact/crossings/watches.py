@@ -63,6 +63,10 @@ class Watch:
             return "break" if outward else "appear"
         return "kink" if self.inner else self.kind
 
+    def level(self, i: int, near: bool) -> float:
+        """The distance that agent ``i`` and another one cross: outwards if they are ``near``, within it."""
+        return float((self.leave if near else self.enter)[i])
+
     def is_where(self, other: Watch) -> bool:
         """Whether it watches the same distances of the same pairs as an ``other`` watch."""
         alike = (self.graph, self.kind) == (other.graph, other.kind)
