@@ -31,8 +31,8 @@ def shared_object(folder, sources):
     return ctypes.CDLL(str(folder / "law.so"))
 
 
-def structures(n, m, slots, graphs, real, form=None, *, looks=False):
-    """The structures of the header, with those of a form of the safety filter, and of views along velocities."""
+def structures(n, m, slots, graphs, real, form=None, *, along=()):
+    """The structures of the header, with those of a form of the safety filter, and of views along what turns."""
     normals = [("normals", (real * m) * slots)] if form == "sampled" else []
     said = [("filtered", ctypes.c_uint8), ("relaxed", ctypes.c_uint8)] if form else []
 
@@ -43,7 +43,7 @@ def structures(n, m, slots, graphs, real, form=None, *, looks=False):
     class Memory(ctypes.Structure):
         _fields_ = [("known", Message * slots), *normals, ("time", ctypes.c_int64),
                     ("links", (ctypes.c_uint32 * words(slots)) * graphs), ("used", ctypes.c_uint32 * words(slots)),
-                    ("lost", ctypes.c_uint32), ("q", real * m), *[("p", real * m)] * looks,
+                    ("lost", ctypes.c_uint32), ("q", real * m), *[(name, real * m) for name in along],
                     ("order", ctypes.c_uint16 * slots),
                     ("count", ctypes.c_uint16), ("agent", ctypes.c_uint16), ("begun", ctypes.c_uint8),
                     ("saturated", ctypes.c_uint8), *said]  # fmt: skip
@@ -59,7 +59,7 @@ def form_of(scenario):
 class CompiledLaw:
     """An exported law on this machine; `change` says which texts of its source are replaced by which."""
 
-    def __init__(self, folder, scenario, *, float32=False, neighbours=None, limit=None, change=(), looks=False):
+    def __init__(self, folder, scenario, *, float32=False, neighbours=None, limit=None, change=(), along=()):
         self.files = c_files(scenario, float32=float32, neighbours=neighbours, limit=limit)
         for old, new in change:
             assert old in self.files["law.c"]
@@ -70,7 +70,7 @@ class CompiledLaw:
         self.kind = np.float32 if float32 else np.float64
         self.slots = max(self.n - 1, 1) if neighbours is None else neighbours
         self.Message, self.Memory = structures(self.n, self.m, self.slots, len(scenario.law.graphs), self.real,
-                                                 form_of(scenario), looks=looks)  # fmt: skip
+                                                 form_of(scenario), along=along)  # fmt: skip
         self.vector = self.real * self.m
 
     def begin(self, agent):
@@ -83,13 +83,13 @@ class CompiledLaw:
         now = ctypes.c_int64(stamp if now is None else now)
         return self.library.law_receive(ctypes.byref(memory), now, ctypes.byref(message))
 
-    def start(self, memory, q, now=0, p=None):
-        moving = () if p is None else (self.vector(*p),)
-        return self.library.law_start(ctypes.byref(memory), ctypes.c_int64(now), self.vector(*q), *moving)
+    def start(self, memory, q, now=0, p=None, heading=None):
+        along = [self.vector(*x) for x in (p, heading) if x is not None]
+        return self.library.law_start(ctypes.byref(memory), ctypes.c_int64(now), self.vector(*q), *along)
 
-    def control(self, memory, q, p, now=0):
-        u = self.vector()
-        code = self.library.law_control(ctypes.byref(memory), ctypes.c_int64(now), self.vector(*q), self.vector(*p), u)
+    def control(self, memory, q, p, now=0, heading=None):
+        u, own = self.vector(), [self.vector(*x) for x in (q, p, heading) if x is not None]
+        code = self.library.law_control(ctypes.byref(memory), ctypes.c_int64(now), *own, u)
         return code, np.array(u[:], dtype=self.kind)
 
     def velocity(self, agent, p, u):
@@ -103,10 +103,10 @@ class CompiledLaw:
         slots = memory.order[: memory.count]
         return [memory.known[s].sender for s in slots if memory.links[graph][s // 32] >> (s % 32) & 1]
 
-    def force(self, agent, q, p, others, now=0):
+    def force(self, agent, q, p, others, now=0, heading=None):
         """Force at a start, from what is known of others."""
         memory = self.begin(agent)
         for j, (x, v) in others.items():
             assert self.receive(memory, j, x, v, stamp=now) == CODES["OK"]
-        code, u = self.control(memory, q, p, now)
+        code, u = self.control(memory, q, p, now, heading)
         return code, u, memory

@@ -54,6 +54,13 @@ class Wider(FieldOfView):
 SINE = fk.Path(["sin(t**2)", "0"])
 
 
+def two_cameras():
+    ahead, aside = (FieldOfView(2.0, 1.0, f"axis_{k}") for k in (1, 3))
+    start = fk.State(np.arange(6.0).reshape(2, 3), np.zeros((2, 3)))
+    law = law_of(fk.Consensus(), fk.Gradient(fk.Potential("r"), over=aside), graph=ahead)
+    return fk.Scenario(law, start, 1.0, bodies=fk.Quadrotor())
+
+
 def heard(law, **parts):
     return scenario(law, information=fk.Messages(0.1, **parts), control=fk.Held(0.1))
 
@@ -63,10 +70,7 @@ def heard(law, **parts):
     [
         (lambda: scenario(law_of(fk.Track(fk.Sink([0, 0]), 1.0, 1.0, shared=True))), "cannot compute the"),
         (lambda: scenario(law_of(fk.Gradient(fk.Potential("tanh(r)")))), "cannot write math.tanh"),
-        (
-            lambda: scenario(law_of(fk.Consensus(), graph=FieldOfView(2.0, 1.0, "heading")), agents=fk.Unicycle(0.1)),
-            "does not know the heading of bodies",
-        ),
+        (two_cameras, "takes one direction of the body; this law looks along axis_1 and axis_3"),
         (lambda: scenario(law_of(fk.Consensus(), graph=Wider(2.0, 1.0)), agents=looking()), "Wider has another rule"),
         (lambda: scenario(law_of(fk.Consensus()), agents=Drifting(), control=fk.Held(0.1)), "no rule by which"),
         (lambda: scenario(law_of(fk.Consensus(), graph=Ahead())), "by two distances; Ahead has"),

@@ -24,6 +24,7 @@ class Beside(fk.FieldOfView):
 
 
 OTHERS = Beside(2.0, 1.0)
+LEFT = fk.FieldOfView(2.0, 1.0, "axis_2")
 CALM = {"own_p": [0.0, 0.0], "p": [[0.0, 0.0]]}
 
 
@@ -279,7 +280,9 @@ def test_poles_within_the_reach_of_links_are_watched():
         (lambda: fk.Controller(LAW, limit=0.0), "limit"), (lambda: fk.Controller(LAW, expires=-1.0), "expires"),
         (lambda: fk.Controller(LAW, mass=0.0), "mass"), (lambda: fk.Controller(LAW, space=2), "space"),
         (lambda: fk.Controller(fk.Law(fk.FieldOfView(2.0, 1.0), [fk.Consensus()])), "headings must be given"),
-        (lambda: fk.Controller(fk.Law(fk.FieldOfView(2.0, 1.0, "heading"), [fk.Consensus()])), "must look along"),
+        (lambda: fk.Controller(fk.Law(fk.FieldOfView(2.0, 1.0, "axis_1"),
+                                      [fk.Consensus(), fk.Gradient(fk.Potential("r"), over=LEFT)])),
+         "must look along one direction of the body; got 'axis_1 and axis_2'"),
         (lambda: fk.Controller(fk.Law(fk.Cone(2.0, 1.0), [fk.Consensus()]), agents=3, headings=[0.0]), "headings must"),
         (lambda: fk.Controller(LAW, agents=3, headings=[0.0]), "headings must have one value for each of the 3"),
         (lambda: fk.Controller(LAW, agents=3, headings=[[0.0], [1.0, 2.0], 3.0]), "sequences of different lengths"),
@@ -309,27 +312,33 @@ def test_wrong_controllers_are_refused(make, said):
     "graph",
     [
         fk.FieldOfView(3.0, 1.1), fk.FieldOfView(np.linspace(2.0, 4.0, 9), np.linspace(0.4, np.pi, 9)),
-        fk.FieldOfView(3.0, 1.3, "p"), fk.Cone(np.linspace(2.0, 4.0, 9), np.linspace(0.5, 2.5, 9), "wrapped"),
+        fk.FieldOfView(3.0, 1.3, "p"), fk.FieldOfView(3.0, np.linspace(0.4, np.pi, 9), "heading"),
+        fk.Cone(np.linspace(2.0, 4.0, 9), np.linspace(0.5, 2.5, 9), "wrapped"),
         fk.SmoothCone(3.0, 0.3, 2.0, measure="wrapped"),
     ],
-    ids=["view", "views of each", "along velocities", "cones of each", "smooth cone"],
+    ids=["view", "views of each", "along velocities", "along bodies", "cones of each", "smooth cone"],
 )  # fmt: skip
 def test_whom_an_agent_sees_follows_headings_and_velocities(graph, relative):
     """Forces and links are those of the whole group, which `links_at_state` and `fk.evaluate` give, call by call."""
     rng, headings = np.random.default_rng(4), np.linspace(-4.0, 4.0, 9)
     terms = [fk.Gradient(fk.Potential("(r - 2)**2/2")), fk.Consensus(0.5, weighted=True)]
     law, agents = fk.Law(graph, terms), fk.Agents(headings=headings)
+    turns = getattr(graph, "heading_column", "") == "heading"
     given = {"agents": 9, "headings": headings, "relative": relative}
     controllers, changed, before = [fk.Controller(law, i, **given) for i in range(9)], 0, None
     for k in range(20):
         q, p = rng.uniform(0.0, 7.0, (9, 2)), rng.normal(size=(9, 2))
         p[k % 9] = 0.0
-        links = links_at_state(graph, fk.Open(), fk.State(q, p), headings)
+        angles = rng.uniform(-np.pi, np.pi, 9)
+        pointing = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        state = fk.State(q, p, columns={"heading": pointing} if turns else {})
+        links = links_at_state(graph, fk.Open(), state, headings)
         expected = fk.evaluate(law, fk.State(q, p, links=links), agents=agents).u
         for i, controller in enumerate(controllers):
             others = [j for j in range(9) if j != i]
             own = q[i] * relative, p[i] * relative
-            found = controller(0.1 * k, q[i], p[i], ids=others, q=q[others] - own[0], p=p[others] - own[1])
+            looking = {"heading": pointing[i]} if turns else {}
+            found = controller(0.1 * k, q[i], p[i], ids=others, q=q[others] - own[0], p=p[others] - own[1], **looking)
             assert (controller.links[0] == links[i]).all()
             assert found == pytest.approx(expected[i], abs=1e-11)
         changed += 0 if before is None else int((links != before).sum())
@@ -405,3 +414,48 @@ def test_a_call_takes_less_than_four_times_ten_additions_of_numpy():
                 x = np.add(x, 1.0)
         reference.append(time.thread_time() - begin)
     assert min(call) < 4.0 * min(reference)
+
+
+FACING = fk.Law(fk.FieldOfView(2.0, 1.0, "heading"), [fk.Consensus()])
+
+
+@pytest.mark.parametrize(
+    ("law", "heading", "said"),
+    [
+        (FACING, None, "heading must be given, as a field of view looks along the 'heading' of the body"),
+        (FACING, [1.0, 0.0, 0.0], "heading must have 2 components"), (FACING, [0.0, 0.0], "must be a unit vector"),
+        (FACING, [np.nan, 0.0], "must be a unit vector"), (FACING, [1.0, 1.0], "must be a unit vector"),
+        (FACING, "north", "heading must be real numbers"),
+        (LAW, [1.0, 0.0], "heading must be left out where no graph looks along"),
+    ],
+)  # fmt: skip
+def test_a_wrong_heading_is_refused_and_changes_nothing(law, heading, said):
+    controller = fk.Controller(law, agents=3)
+    with pytest.raises(InvalidInput, match=said):
+        controller(0.0, [0.0, 0.0], [0.0, 0.0], ids=[1], q=[[1.0, 0.0]], p=[[0.0, 0.0]], heading=heading)
+    assert controller.time == -np.inf
+    assert not controller.links.any()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_robots_with_cameras_on_their_bodies_drive_as_those_of_a_run(seed):
+    """The force that a run holds from tick to tick is that which each controller finds from headings at the ticks."""
+    rng, n, period = np.random.default_rng(seed), 7, 0.1
+    angles = rng.uniform(-np.pi, np.pi, n)
+    start = fk.State(rng.uniform(0.0, 3.0, (n, 2)), rng.normal(size=(n, 2)),
+                     columns={"heading": np.stack([np.cos(angles), np.sin(angles)], axis=1)})  # fmt: skip
+    law = fk.Law(fk.FieldOfView(2.0, 1.2, "heading"), [fk.Consensus(0.8), fk.Gradient(fk.Potential("(r - 1)**2/2"))])
+    scenario = fk.Scenario(law, start, t_end=3.0, frames=31, bodies=fk.Unicycle(0.2), control=fk.Held(period))
+    run = fk.simulate(scenario, progress=False)
+    controllers = [fk.Controller(law, i, agents=n) for i in range(n)]
+    turned = np.degrees(np.arccos(np.clip((run.columns["heading"] * start.columns["heading"]).sum(axis=2), -1, 1)))
+    assert turned.max() > 60.0
+    counts = set()
+    for k in range(30):
+        for i, controller in enumerate(controllers):
+            others = [j for j in range(n) if j != i]
+            force = controller(run.t[k], run.q[k, i], run.p[k, i], ids=others, q=run.q[k, others], p=run.p[k, others],
+                               heading=run.columns["heading"][k, i])  # fmt: skip
+            counts.add(int(controller.links.sum()))
+            np.testing.assert_allclose(run.p[k + 1, i] - run.p[k, i], period * force, rtol=0.0, atol=1e-11)
+    assert {0, 1, 2} <= counts

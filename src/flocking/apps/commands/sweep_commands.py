@@ -68,7 +68,7 @@ def sweep(
     from flocking.papers.studies.running import run_file
     from flocking.study.confidence_intervals import check_level
 
-    check_level(level)
+    check_level(level, "sweep")
     if most_runs is not None:
         integer("sweep", "most_runs", most_runs, least=1)
     file = find_sweep(sweep, most_runs, most_agents)

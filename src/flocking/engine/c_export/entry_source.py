@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from flocking.engine.c_export.exported_law import ExportedLaw
 from flocking.engine.c_export.message_source import LATEST, message_source
 from flocking.engine.c_export.safety_source import safety_source
+from flocking.engine.c_export.view_source import HEADING
 from flocking.engine.kernels.displacements import displacement_lines
 from flocking.formula.c_source import CSource
 
@@ -65,15 +66,21 @@ def entry_source(law: ExportedLaw, name: str, c: CSource, lengths: Sequence[str]
     expired = [f"{x}expire(memory, now);"] if law.expires is not None else []
     early = f"(now < memory->time) || (now < -INT64_C({LATEST})) || (now > INT64_C({LATEST}))"
     kept = [f"memory->q[{k}] = q[{k}];" for k in range(m)]
-    kept += [f"memory->p[{k}] = p[{k}];" for k in range(m) if law.looks_along_velocity]
+    kept += [f"memory->{name}[{k}] = {name}[{k}];" for name in law.looks_along for k in range(m)]
     acted = block([*kept, "memory->begun = 1u;", "memory->time = now;"], 1)
-    seen_by = begun_by = moving = ""
-    finite = f"{x}finite(q[k]) == 0u"
+    seen_by = begun_by = ""
     if law.looks:
-        seen_by, begun_by = ", seen.offset[slot]", ", offset"
-    if law.looks_along_velocity:
-        seen_by, begun_by, moving = seen_by + ", p", begun_by + ", p", f", const {real} p[{X}DIMENSION]"
-        finite = f"({finite}) || ({x}finite(p[k]) == 0u)"
+        along = "".join(f", {name}" for name in law.looks_along)
+        seen_by, begun_by = f", seen.offset[slot]{along}", f", offset{along}"
+    further = {name: f", const {real} {name}[{X}DIMENSION]" for name in law.looks_along}
+    facing = further.get(HEADING, "")
+    acted_by, started_by = (
+        " || ".join(f"({x}finite({name}[k]) == 0u)" for name in given)
+        for given in (("q", "p", *(HEADING,) * law.heading), ("q", *law.looks_along))
+    )
+    # A heading of zeros points nowhere.
+    nowhere = [" && ".join(f"({HEADING}[{k}] == {zero})" for k in range(m))] if law.heading else []
+    nowhere = [line for test in nowhere for line in (f"if ({test})", "{", f"    code = {X}NOT_FINITE;", "}")]
     return f"""\
 /* Where a neighbour is now by what is known, relative to the agent; gives its distance. */
 static {real} {x}offset_of(const {x}message *message, int64_t now, const {real} q[{X}DIMENSION],
@@ -83,7 +90,7 @@ static {real} {x}offset_of(const {x}message *message, int64_t now, const {real} 
 
 {message_source(law, name, c)}{safety_source(law, c)}\
 int32_t {x}control({x}memory *memory, int64_t now, const {real} q[{X}DIMENSION],
-                   const {real} p[{X}DIMENSION], {real} u[{X}DIMENSION])
+                   const {real} p[{X}DIMENSION]{facing}, {real} u[{X}DIMENSION])
 {{
     {x}view seen;
     uint32_t g;
@@ -101,11 +108,12 @@ int32_t {x}control({x}memory *memory, int64_t now, const {real} q[{X}DIMENSION],
 {block(flags, 1)}\
     for (k = 0u; k < {X}DIMENSION; k++)
     {{
-        if (({x}finite(q[k]) == 0u) || ({x}finite(p[k]) == 0u))
+        if ({acted_by})
         {{
             code = {X}NOT_FINITE;
         }}
     }}
+{block(nowhere, 1)}\
     if ((code == {X}OK) && ({early}))
     {{
         code = {X}TIME;
@@ -153,18 +161,19 @@ int32_t {x}control({x}memory *memory, int64_t now, const {real} q[{X}DIMENSION],
     return code;
 }}
 
-int32_t {x}start({x}memory *memory, int64_t now, const {real} q[{X}DIMENSION]{moving})
+int32_t {x}start({x}memory *memory, int64_t now, const {real} q[{X}DIMENSION]{"".join(further.values())})
 {{
     {real} offset[{X}DIMENSION];
     uint32_t g;
     uint32_t k;
     for (k = 0u; k < {X}DIMENSION; k++)
     {{
-        if ({finite})
+        if ({started_by})
         {{
             return {X}NOT_FINITE;
         }}
     }}
+{block([line.replace("code =", "return") for line in nowhere], 1)}\
     if ({early})
     {{
         return {X}TIME;

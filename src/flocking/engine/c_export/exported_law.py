@@ -8,7 +8,7 @@ import numpy as np
 
 from flocking.arrays import Array, Links
 from flocking.engine.c_export.steering_source import check_steering_terms
-from flocking.engine.c_export.view_source import ExportedView, exported_view
+from flocking.engine.c_export.view_source import HEADING, MOVING, ExportedView, exported_view
 from flocking.engine.kernels.expressions import LawFormulas, law_formulas
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.reference.controller_views import is_known_view
@@ -20,8 +20,7 @@ from flocking.model.bodies.velocity_units import VelocityUnit
 from flocking.model.checks import integer, number
 from flocking.model.energy import Energy
 from flocking.model.graph_functional import averages
-from flocking.model.graphs.seen_headings import heading_column, links_at_state
-from flocking.model.graphs.views import VELOCITY
+from flocking.model.graphs.seen_headings import body_directions, links_at_state
 from flocking.model.law import Law, Scenario
 from flocking.model.state import Agents
 from flocking.model.terms.avoidance import ObstacleTerm
@@ -143,9 +142,15 @@ class ExportedLaw:
         return any(graph.view is not None and graph.view.cosines is not None for graph in self.graphs)
 
     @property
-    def looks_along_velocity(self) -> bool:
-        """Whether links depend on the velocity of the agent that looks."""
-        return any(graph.view is not None and graph.view.along_velocity for graph in self.graphs)
+    def looks_along(self) -> tuple[str, ...]:
+        """Arguments on which links depend beside positions: the velocity or a direction of the agent that looks."""
+        used = {graph.view.along for graph in self.graphs if graph.view is not None}
+        return tuple(name for name in (MOVING, HEADING) if name in used)
+
+    @property
+    def heading(self) -> bool:
+        """Whether control takes a direction of the body."""
+        return HEADING in self.looks_along
 
 
 def _check(scenario: Scenario) -> None:
@@ -176,12 +181,11 @@ def _check(scenario: Scenario) -> None:
             f"export_c has no rule by which {type(scenario.agents).__name__} agents set their velocity. "
             f"Use {', '.join(kind.__name__ for kind in WITH_RULES)}."
         )
+    if len(found := body_directions(law.graphs)) > 1:
+        raise UnsupportedLaw(
+            f"export_c takes one direction of the body; this law looks along {' and '.join(found)}. Use one of them."
+        )
     for graph in law.graphs:
-        if heading_column(graph) not in ("", VELOCITY):
-            raise UnsupportedLaw(
-                f"export_c does not know the {heading_column(graph)} of bodies, along which {type(graph).__name__} "
-                "looks. Look along constant headings or velocities."
-            )
         if not is_known_view(graph) and (graph.sees_headings or (graph.moves and not graph.follows_radii)):
             raise UnsupportedLaw(
                 f"export_c follows links by two distances; {type(graph).__name__} has another rule. "

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from flocking.engine.c_export.exported_law import ExportedLaw
+from flocking.engine.c_export.view_source import HEADING, MOVING
+from flocking.model.graphs.seen_headings import body_directions
 from flocking.model.world.safety_filters import SAMPLED
 
 STATUS = (
     ("OK", "the force is valid"),
     ("OLD", "the message has expired, or was not measured later than what is known of its sender, and is not used"),
     ("NO_AGENT", "no such agent, or the agent itself"),
-    ("NOT_FINITE", "an argument is not finite"),
+    ("NOT_FINITE", "an argument is not finite, or a heading is zero"),
     ("FULL", "no slot is free, and none is given up for one so far away; the message is not used"),
     ("TIME", "the time is before that of the last call or of a message, or out of range"),
     ("COINCIDENT", "a neighbour is at the agent's own place, where the law has no force"),
@@ -56,10 +58,17 @@ def header(law: ExportedLaw, name: str, *, single: bool) -> str:
         if law.filter is not None
         else ""
     )
-    looked = moving = ""
-    if law.looks_along_velocity:
-        looked = f"    {x}real p[{X}DIMENSION]; /* its velocity then, along which it looked */\n"
-        moving = f", const {x}real p[{X}DIMENSION]"
+    called = {MOVING: "velocity", HEADING: "heading"}
+    looked = "".join(
+        f"    {x}real {along}[{X}DIMENSION]; /* its {called[along]} then, along which it looked */\n"
+        for along in law.looks_along
+    )
+    moving = "".join(f", const {x}real {along}[{X}DIMENSION]" for along in law.looks_along)
+    facing, whose = "", ""
+    if law.heading:
+        column = body_directions(law.scenario.law.graphs)[0]
+        facing = f",\n                   const {x}real {HEADING}[{X}DIMENSION]"
+        whose = f"\n   {HEADING} is where the {column} of its body points, of any length but zero."
     codes = "\n".join(
         f"    {X}{code} = {k}{',' if k + 1 < len(STATUS) else ''} /* {meaning} */"
         for k, (code, meaning) in enumerate(STATUS)
@@ -126,9 +135,9 @@ int32_t {x}forget({x}memory *memory, uint16_t sender);
 int32_t {x}start({x}memory *memory, int64_t now, const {x}real q[{X}DIMENSION]{moving});
 
 /* The force of the law now, in nanoseconds from the start. q and p are the agent's own. Where the code is not {X}OK
-   the force is zero and the links stay as they were. */
+   the force is zero and the links stay as they were.{whose} */
 int32_t {x}control({x}memory *memory, int64_t now, const {x}real q[{X}DIMENSION],
-                   const {x}real p[{X}DIMENSION], {x}real u[{X}DIMENSION]);
+                   const {x}real p[{X}DIMENSION]{facing}, {x}real u[{X}DIMENSION]);
 
 {velocity}#endif
 """

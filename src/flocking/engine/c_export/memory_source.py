@@ -105,7 +105,7 @@ def _linked(law: ExportedLaw, c: CSource, x: str, X: str, real: str) -> str:
     further = ""
     if law.looks:
         further = f", const {real} offset[{X}DIMENSION]"
-        further += f",\n    const {real} p[{X}DIMENSION]" * law.looks_along_velocity
+        further += "".join(f",\n    const {real} {name}[{X}DIMENSION]" for name in law.looks_along)
     unused = "".join(f"    (void){argument};\n" for argument, used in reads if used not in text)
     return (
         f"{tables}/* Whether a neighbour is linked now, by {'where it is' if law.looks else 'its distance'} and the "

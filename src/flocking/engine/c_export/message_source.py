@@ -35,7 +35,7 @@ def message_source(law: ExportedLaw, name: str, c: CSource) -> str:
         else ""
     )
     fresh, made = "", ""
-    rest = f"        memory->p[k] = ({real})0;\n" if law.looks_along_velocity else ""
+    rest = "".join(f"        memory->{name}[k] = ({real})0;\n" for name in law.looks_along)
     if law.filter is not None:
         fresh = "    memory->filtered = 0u;\n    memory->relaxed = 0u;\n"
         if law.filter.form == SAMPLED:
@@ -181,7 +181,8 @@ def _rank(law: ExportedLaw, c: CSource, x: str, X: str, real: str) -> str:
     offset_given, where = "", ""
     if law.looks:
         inside, zeros = "", f"    {array} = {{ {', '.join([none] * law.m)} }};\n"
-        offset_given, where = f", const {array}", ", offset" + ", memory->p" * law.looks_along_velocity
+        offset_given = f", const {array}"
+        where = ", offset" + "".join(f", memory->{name}" for name in law.looks_along)
     return f"""\
 /* Take a sender out of the order, and its links with it. */
 static void {x}drop({x}memory *memory, uint16_t place)

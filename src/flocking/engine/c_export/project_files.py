@@ -14,8 +14,10 @@ from flocking.engine.c_export.header import STATUS
 from flocking.engine.c_export.memory_source import reads_time
 from flocking.engine.c_export.projection_source import DOUBLE, SINGLE
 from flocking.engine.c_export.steering_source import steering_latex
+from flocking.engine.c_export.view_source import HEADING, MOVING
 from flocking.engine.runs.provenance import provenance
 from flocking.formula.safe_digits import given_text
+from flocking.model.graphs.seen_headings import body_directions
 from flocking.model.graphs.views import FieldOfView
 from flocking.model.world.times import NANOSECOND
 
@@ -45,6 +47,10 @@ def example(law: ExportedLaw, name: str) -> str:
         suffix = f"({x}real)"
         return ", ".join(f"{suffix}{float(v)!r}" for v in values)  # type: ignore[attr-defined]
 
+    heading = facing = ""
+    if law.heading:
+        pointed = start.columns[body_directions(law.scenario.law.graphs)[0]][one]
+        heading, facing = f"    const {x}real heading[{X}DIMENSION] = {{ {numbers(pointed)} }};\n", "heading, "
     return f"""\
 /* Agent {one} receives a state of agent {other} where the scenario starts, and prints its force. */
 #include "{name}.h"
@@ -56,6 +62,7 @@ int main(void)
     static {x}memory memory;
     const {x}real q[{X}DIMENSION] = {{ {numbers(start.q[one])} }};
     const {x}real p[{X}DIMENSION] = {{ {numbers(start.p[one])} }};
+{heading}\
     const {x}message heard = {{ 0, 0, {other}u, {{ {numbers(start.q[other])} }}, {{ {numbers(start.p[other])} }} }};
     int32_t code = {x}begin(&memory, {one}u);
     if (code == {X}OK)
@@ -64,7 +71,7 @@ int main(void)
         uint32_t k;
         /* An agent receives no message of its own: that is {X}NO_AGENT in a group of one. */
         (void){x}receive(&memory, 0, &heard);
-        code = {x}control(&memory, 0, q, p, u);
+        code = {x}control(&memory, 0, q, p, {facing}u);
         (void)printf("code %d\\n", (int)code);
         for (k = 0u; k < {X}DIMENSION; k++)
         {{
@@ -283,7 +290,9 @@ def _linked(law: ExportedLaw, number: int, name: str) -> str:
     angle = f"{float(angles[0])!r} rad"
     if (angles != angles[0]).any():
         angle = f"the angle whose cosine is {each(angles, 'cosine')}"
-    along = "velocity, at rest all around" if view.along_velocity else f"constant heading in `{name}_heading{number}`"
+    along = {
+        MOVING: "velocity, at rest all around", HEADING: f"{declared.heading_column}, the argument `{HEADING}`",
+    }.get(view.along, f"constant heading in `{name}_heading{number}`")  # fmt: skip
     return f"{said}, within {angle} of the agent's {along}."
 
 

@@ -12,6 +12,9 @@ from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.smooth_cones import SmoothCone
 from flocking.model.graphs.views import Cone, FieldOfView
 
+MOVING, HEADING = "p", "heading"
+"""Names of the arguments along which agents may look."""
+
 
 @dataclass(frozen=True, eq=False)
 class ExportedView:
@@ -24,17 +27,16 @@ class ExportedView:
     cosines
         Cosines of half angles, shape (N,); None for a cone.
     directions
-        Constant directions along which agents look, shape (N, m); None where they look along their velocities.
+        Constant directions along which agents look, shape (N, m); None where these change.
+    along
+        Name of the argument along which agents look where that changes: ``p``, their velocity, or ``heading``, a
+        direction of their body; empty else.
     """
 
     similar: Links | None = None
     cosines: Array | None = None
     directions: Array | None = None
-
-    @property
-    def along_velocity(self) -> bool:
-        """Whether agents look along their velocities."""
-        return self.cosines is not None and self.directions is None
+    along: str = ""
 
 
 def exported_view(graph: Graph, headings: Array | None, n: int) -> ExportedView | None:
@@ -57,8 +59,9 @@ def exported_view(graph: Graph, headings: Array | None, n: int) -> ExportedView 
     if isinstance(graph, Cone | SmoothCone):
         return ExportedView(similar=graph.allowed(graph.checked_headings(headings, n)))
     if isinstance(graph, FieldOfView):
-        directions = None if graph.along_velocity else graph.directions(headings, n)
-        return ExportedView(cosines=graph.cosines(n), directions=directions)
+        if graph.heading_column:
+            return ExportedView(cosines=graph.cosines(n), along=MOVING if graph.along_velocity else HEADING)
+        return ExportedView(cosines=graph.cosines(n), directions=graph.directions(headings, n))
     return None
 
 
@@ -129,9 +132,8 @@ def view_lines(view: ExportedView, number: int, c: CSource, name: str) -> tuple[
     c.used.add("sqrt")
     # Velocities are divided by their largest component: squares of small or large ones are no numbers. At rest an agent
     # looks all around.
-    return table, [
-        "if (found != 0u)", "{", *(f"    {line}" for line in _ahead_of_velocity(cosine, zero, x, real)), "}",
-    ]  # fmt: skip
+    lines = [line.replace("p[k]", f"{view.along}[k]") for line in _ahead_of_velocity(cosine, zero, x, real)]
+    return table, ["if (found != 0u)", "{", *(f"    {line}" for line in lines), "}"]
 
 
 def _ahead_of_velocity(cosine: str, zero: str, x: str, real: str) -> list[str]:

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from flocking.arrays import Array, Indices, Links
 from flocking.errors import InvalidInput
+from flocking.model.bodies.unicycles import UNIT
 
 OWNER = "Controller"
 """Whose arguments these are, in messages."""
@@ -108,6 +109,39 @@ def time_stamps(given: ArrayLike | None, count: int) -> Array:
     found = numbers("stamps", given)
     if found.shape != (count,):
         raise InvalidInput(OWNER, "stamps", "must be one for each of ids, where states expire", given)
+    return found
+
+
+def direction(given: ArrayLike | None, m: int, column: str) -> Array:
+    """The direction of the agent's body along which it looks.
+
+    Parameters
+    ----------
+    given
+        The argument.
+    m
+        Number of axes.
+    column
+        Name of the direction, empty where no graph looks along one.
+
+    Raises
+    ------
+    InvalidInput
+        When it is no unit vector, missing, or given where no graph looks along it.
+    """
+    if not column:
+        raise InvalidInput(
+            OWNER, "heading", "must be left out where no graph looks along a direction of the body", given
+        )
+    if given is None:
+        raise InvalidInput(
+            OWNER, "heading", f"must be given, as a field of view looks along the {column!r} of the body", "none"
+        )
+    found = numbers("heading", given)
+    if found.shape != (m,):
+        raise InvalidInput(OWNER, "heading", f"must have {m} components", found.tolist())
+    if not abs(float(np.sqrt((found**2).sum())) - 1.0) <= UNIT:
+        raise InvalidInput(OWNER, "heading", "must be a unit vector", found.tolist())
     return found
 
 

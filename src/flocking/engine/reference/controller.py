@@ -13,7 +13,15 @@ from flocking.engine.kernels.law_kernels import LawKernels, Pairs, Slots
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.engine.kernels.pieces import free_pieces
-from flocking.engine.reference.call_arguments import identifiers, link_rows, numbers, refuse_shapes, time_stamps
+from flocking.engine.reference.call_arguments import (
+    OWNER,
+    direction,
+    identifiers,
+    link_rows,
+    numbers,
+    refuse_shapes,
+    time_stamps,
+)
 from flocking.engine.reference.controller_views import controller_view
 from flocking.engine.reference.finite_forces import bounding_poles
 from flocking.engine.reference.known_neighbours import (
@@ -29,6 +37,7 @@ from flocking.model.bodies.vector_lengths import FACTOR
 from flocking.model.checks import Array, integer, number, truth
 from flocking.model.energy import Energy
 from flocking.model.graph_functional import averages
+from flocking.model.graphs.seen_headings import body_directions
 from flocking.model.graphs.weights import MatrixWeights
 from flocking.model.law import Law
 from flocking.model.space import OPEN, Space
@@ -56,8 +65,8 @@ class Controller:
     Parameters
     ----------
     law
-        The control law; it must be distributed, its graphs must link by distances, by constant headings or along
-        velocities, and leaders must have a closed form.
+        The control law; it must be distributed, its graphs must link by distances or by headings that the agent knows:
+        constant ones, its velocity or a direction of its body; leaders must have a closed form.
     agent
         Number of the agent, which selects its own parameters where they are given for each.
     agents
@@ -176,6 +185,13 @@ class Controller:
         about = self.agent, self._bodies.headings, (self.count, self.m)
         views = [controller_view(graph, *about) for graph in self.law.graphs]
         self._views = [(g, view) for g, view in enumerate(views) if view is not None]
+        directions = body_directions(self.law.graphs)
+        if len(directions) > 1:
+            raise InvalidInput(
+                OWNER, "law", "must look along one direction of the body", " and ".join(directions),
+                "A call takes one heading.",
+            )  # fmt: skip
+        self._along = "".join(directions)
         check_reach(self.law.pair_terms, self.law.graph)
         if Layout(self.law, Energy(), space=self.space).places:
             raise InvalidInput("Controller", "law", "must have leaders whose position has a closed form", "another")
@@ -232,7 +248,7 @@ class Controller:
 
     def __call__(
         self, t: float, own_q: ArrayLike, own_p: ArrayLike, *, ids: ArrayLike, q: ArrayLike, p: ArrayLike,
-        stamps: ArrayLike | None = None,
+        stamps: ArrayLike | None = None, heading: ArrayLike | None = None,
     ) -> Array:  # fmt: skip
         """The force of the law now, shape (m,).
 
@@ -248,6 +264,9 @@ class Controller:
             Their positions and velocities, shape (k, m); relative to the agent's where that was declared.
         stamps
             When these were measured, shape (k,); needed where they expire, and checked wherever they are given.
+        heading
+            The direction of the agent's body along which a field of view of the law looks (its ``heading_column``), a
+            unit vector of shape (m,); needed for such a law, and refused for others.
 
         Raises
         ------
@@ -268,6 +287,9 @@ class Controller:
             refuse_shapes(self.m, t, self.time, (own, moving), (who, places, speeds))
         timed = stamps is not None or self.expires is not None
         measured = time_stamps(stamps, len(who)) if timed else self._no_stamps
+        facing = own
+        if heading is not None or self._along:
+            facing = direction(heading, self.m, self._along)
         if self._changes or math.isnan(self._since):
             self._take_parameters(t)
         k, graphs = len(who), len(self._rules)
@@ -283,7 +305,7 @@ class Controller:
         if fault:
             self._refuse_known(int(fault), who, measured)
         if self._views:
-            self._look(who, Q, moving, offsets)
+            self._look(who, Q, (moving, facing), offsets)
         sensed = self._sensed
         for place, near in enumerate(self._obstacles.met_by_one(Q[:1], t) if self._obstacles.groups else ()):
             total = int(offsets[graphs + place])
@@ -304,14 +326,14 @@ class Controller:
         self.saturated = self.limit is not None and size > self.limit
         return u * (self.limit / size) if self.saturated and self.limit is not None else u
 
-    def _look(self, who: Indices, Q: Array, moving: Array, offsets: Indices) -> None:
+    def _look(self, who: Indices, Q: Array, along: tuple[Array, Array], offsets: Indices) -> None:
         """Take back the links of those who are not in view."""
         first, sensed, graphs = offsets.copy(), self._sensed.copy(), len(self._rules)
         views, total = dict(self._views), 0
         for g in range(graphs):
             rows, offsets[g] = sensed[first[g] : first[g + 1]], total
             if g in views and len(rows):
-                seen = views[g].holds(who[rows - 1], Q[rows] - Q[0], self._r[rows - 1], moving)
+                seen = views[g].holds(who[rows - 1], Q[rows] - Q[0], self._r[rows - 1], *along)
                 self._after[g, who[rows[~seen] - 1]] = False
                 rows = rows[seen]
             self._sensed[total : total + len(rows)] = rows

@@ -1,4 +1,4 @@
-"""Which near agents are in view of the agent of a controller: by constant headings, and by where they are."""
+"""Which near agents are in view of the agent of a controller: by headings, and by where they are."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class ControllerView:
     agent
         Number of the agent.
     headings
-        Constant headings of all agents, as in `Agents`; None where the agent looks along its velocity.
+        Constant headings of all agents, as in `Agents`; None where the agent looks along its velocity or its body.
     shape
         Number of agents, and of axes.
 
@@ -37,6 +37,8 @@ class ControllerView:
         count, axes = shape
         self._similar: Mask | None = None
         self._direction: Array | None = None
+        self.along_body = isinstance(graph, FieldOfView) and graph.heading_column not in ("", VELOCITY)
+        """Whether the agent looks along a direction of its body, which each call must state."""
         self._cosine = 0.0
         if not isinstance(graph, FieldOfView):
             others = np.arange(count)
@@ -46,7 +48,7 @@ class ControllerView:
             self._similar = graph.similar(found, np.full(count, agent), others)
             return
         self._cosine = float(graph.cosines(count)[agent])
-        if not graph.along_velocity:
+        if not graph.heading_column:
             self._direction = graph.directions(graph.checked_headings(headings, count))[agent]
             if self._direction.shape != (axes,):
                 raise InvalidInput(
@@ -54,7 +56,7 @@ class ControllerView:
                     "Give angles in the plane and rotation matrices elsewhere.",
                 )  # fmt: skip
 
-    def holds(self, who: Indices, offset: Array, distance: Array, moving: Array) -> Mask:
+    def holds(self, who: Indices, offset: Array, distance: Array, moving: Array, facing: Array) -> Mask:
         """Which others are in view, shape (k,).
 
         Parameters
@@ -65,12 +67,12 @@ class ControllerView:
             Their positions less that of the agent, shape (k, m).
         distance
             How far away they are, shape (k,).
-        moving
-            Velocity of the agent, shape (m,).
+        moving, facing
+            Velocity of the agent, and the direction of its body, a unit vector where it looks along that; shape (m,).
         """
         if self._similar is not None:
             return self._similar[who]
-        direction = self._direction
+        direction = facing if self.along_body else self._direction
         if direction is None:
             fastest = float(np.abs(moving).max())
             if fastest == 0.0:
@@ -84,7 +86,7 @@ class ControllerView:
 def is_known_view(graph: Graph) -> bool:
     """Whether an agent by itself knows who is in view under a graph that reads headings.
 
-    A class of a user may link others than these do, and the headings of bodies are not known to a law.
+    A class of a user may link others than these do.
 
     Parameters
     ----------
@@ -92,7 +94,7 @@ def is_known_view(graph: Graph) -> bool:
         The graph.
     """
     if isinstance(graph, FieldOfView):
-        return type(graph) is FieldOfView and graph.heading_column in ("", VELOCITY)
+        return type(graph) is FieldOfView
     return type(graph) in (Cone, SmoothCone)
 
 
@@ -107,13 +109,8 @@ def controller_view(graph: Graph, agent: int, headings: Array | None, shape: tup
     Raises
     ------
     InvalidInput
-        When the links of the graph follow from something else, such as the headings of bodies or a rule of its own.
+        When the links of the graph follow from something else, such as a rule of its own.
     """
-    if isinstance(graph, FieldOfView) and graph.heading_column not in ("", VELOCITY):
-        raise InvalidInput(
-            "Controller", "law", "must look along constant headings or velocities", graph.heading_column,
-            "The heading of a body is not known to the controller.",
-        )  # fmt: skip
     if is_known_view(graph):
         assert isinstance(graph, Cone | SmoothCone | FieldOfView)
         return ControllerView(graph, agent, headings, shape)

@@ -44,6 +44,11 @@ def heading_column(graph: Graph) -> str:
     return graph.heading_column if isinstance(graph, HeadingGraph) else ""
 
 
+def body_directions(graphs: Sequence[Graph]) -> list[str]:
+    """Names of the directions of bodies that ``graphs`` use, in order; velocities are none."""
+    return sorted({heading_column(graph) for graph in graphs} - {"", VELOCITY})
+
+
 def seen_headings(graph: Graph, headings: Array | None, state: Placed) -> Array | None:
     """Headings that ``graph`` uses at a state.
 

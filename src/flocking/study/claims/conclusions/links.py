@@ -70,7 +70,8 @@ def _either_way(e: Evidence) -> str:
 
 def _when_apart(e: Evidence, lost: float, ended: str = "") -> str:
     """When the graph was disconnected, and in how many flocks it ``ended``, as that is known, in words."""
-    end = e.run.scenario.t_end if e.run.finished else float(e.t[-1])
+    last = float(e.t[-1])
+    end = max(e.run.scenario.t_end, last) if e.run.finished else last
     try:
         flocks = f"; {e.flocks_at_end} flocks at the end{ended}"
     except NotResolvable:
