@@ -12,6 +12,7 @@ from flocking.engine.adaptive_steps.limit_crossings import HeldNumbers
 from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.adaptive_steps.state_tolerances import counted, natural_sizes
 from flocking.engine.adaptive_steps.state_vectors import component_tolerances, further_columns, joined
+from flocking.engine.exact.crossings.coincidences import is_pointed
 from flocking.engine.exact.crossings.images import linked_paths
 from flocking.engine.exact.crossings.switching import LinkState
 from flocking.engine.exact.narrow_features import allowed_by_obstacles, allowed_share, zones_of
@@ -179,6 +180,11 @@ class Dynamics:
             self._zones  # noqa: B018  before places of leaders are written among the parameters
 
     @property
+    def pointed(self) -> bool:
+        """Whether pairs of agents have a finite energy and a force at distance 0, where it has no direction."""
+        return self._zones[3]
+
+    @property
     def zones(self) -> Array:
         """Narrow features of the pair formulas of all graphs, see `zones_of`."""
         return self._zones[0]
@@ -193,7 +199,7 @@ class Dynamics:
         return self._zones[2]
 
     @cached_property
-    def _zones(self) -> tuple[Array, Numbers, list[Array]]:
+    def _zones(self) -> tuple[Array, Numbers, list[Array], bool]:
         """Computed when a step is made: a law that is replaced before needs none."""
         borders, groups, slots = self._zone_sources
         name, shape, graphs = self._kernels.name, self._kernels.shape, len(self.layout.law.graphs)
@@ -202,7 +208,9 @@ class Dynamics:
             zones_of(name, shape(f"shape_obstacles{k}"), slots, ends, tuple(group.rows.values()))
             for k, (group, ends) in enumerate(zip(groups, borders[graphs:], strict=True))
         ]
-        return np.concatenate(found), np.repeat(np.arange(len(found)), [len(rows) for rows in found]), obstacles
+        finite = [k for k in range(graphs) if not self.contacts[k]]
+        pointed = any(is_pointed(shape(f"shape{k}"), slots, borders[k][0]) for k in finite)
+        return np.concatenate(found), np.repeat(np.arange(len(found)), [len(x) for x in found]), obstacles, pointed
 
     def allowed_share(self, segment: Segment, links: LinkState) -> float:
         """The fraction of the step ``segment`` on which no pair moves too far within a narrow feature."""
@@ -252,9 +260,8 @@ class Dynamics:
 
     def _judge_contacts(self) -> None:
         """Find where potentials are infinite."""
-        law = self.layout.law
-        self.barriers = [law.has_barrier(g) for g in law.graphs]
-        self.contacts = [law.singular_at_contact(g) for g in law.graphs]
+        law, graphs = self.layout.law, self.layout.law.graphs
+        self.barriers, self.contacts = [*map(law.has_barrier, graphs)], [*map(law.singular_at_contact, graphs)]
         self.singular = any(self.contacts)
 
     def keep_pairs(self) -> None:
@@ -344,8 +351,7 @@ class Dynamics:
         found = y
         for s in range(first, max(last, state_stage + 1)):
             z = y + h * (weights[s, :s] @ K[:s])
-            if s == state_stage:
-                found = z
+            found = z if s == state_stage else found
             if s < last:
                 K[s] = self.slope(t + float(nodes[s]) * h, z)
         return found

@@ -14,6 +14,7 @@ from flocking.engine.exact.companion import (
     companion_gap,
     unexplained_energy,
 )
+from flocking.engine.exact.crossings.coincidences import kick_of, pairs_at_one_point, passage
 from flocking.engine.exact.crossings.images import nearest_shift
 from flocking.engine.exact.crossings.obstacle_approaches import ObstacleStep
 from flocking.engine.exact.crossings.switch_numbers import beyond_level, radial_motion, switch_errors
@@ -157,6 +158,7 @@ class SolutionError:
         self._doubts.recall(doubts.memory())
         try:
             self._settle(self._doubts.follow(segment, links, self.over(segment)), segment, links)
+            self._look_at_passages(segment)
             found = self.over(segment)
         finally:
             self.difference, self._doubts = difference, doubts
@@ -171,6 +173,7 @@ class SolutionError:
         self._recorder.extremes.follow(segment, links.links[0], error, origin, links.space, nearby)
         self._recorder.extremes.add_to_ledger(segment, self._unexplained(segment), origin.time)
         self._settle(self._doubts.follow(segment, links, error), segment, links)
+        self._look_at_passages(segment)
         links.leave(segment, segment.motion(*self._sizes, self._dynamics.order))
 
     def _unexplained(self, segment: Segment) -> float:
@@ -192,6 +195,21 @@ class SolutionError:
                 found = self._dynamics.energy(t, y + e)[0], self._dynamics.energy(t, y)[0]
                 gaps.append(companion_gap(*found, dissipated, supplied))
             return float(unexplained_energy(*gaps))
+
+    def _look_at_passages(self, segment: Segment) -> None:
+        """Take in what is open where two agents pass each other at one point, or may turn back there."""
+        dynamics, order, error = self._dynamics, self._dynamics.order, self.over(segment)
+        if self.known_until < np.inf or not dynamics.pointed:
+            return
+        motion, velocities = segment.motion(*self._sizes, order), self._velocities(segment)
+        for pair in pairs_at_one_point(dynamics.scenario.space, motion, *dynamics.linked_pairs(), error.pairs):
+            errors = error.pair(*pair[:2]), error.pair_velocity(*pair[:2], velocities)
+            if (found := passage(segment, pair, (*self._sizes, order), errors, dynamics.accelerations)) is None:
+                continue
+            if found.undecided:
+                self._companion.lose(found.time)
+            elif found.passed:
+                self._companion.push(kick_of(found, segment.t1 - segment.t0, order, self.difference.nodes[-1]))
 
     def _settle(self, settled: list[Settled], segment: Segment, links: LinkState) -> None:
         for doubt in settled:
@@ -394,7 +412,5 @@ def _radial(
     apart = C[:, j * m : (j + 1) * m] - C[:, i * m : (i + 1) * m]
     if not space.is_open:
         apart = apart + nearest_shift(space, apart[-1])
-    e = np.zeros(m)
-    if difference is not None:
-        e = difference[j * m : (j + 1) * m] - difference[i * m : (i + 1) * m]
+    e = np.zeros(m) if difference is None else of_pair(difference, (i, j), m)
     return apart[-1], *radial_motion(apart, segment.t0, segment.t1, e)

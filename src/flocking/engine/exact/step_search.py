@@ -8,9 +8,12 @@ from flocking.engine import interruption
 from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.adaptive_steps.stepper import Stepper, StepperMemory
 from flocking.engine.exact.barriers import LedgerState, jumps_barrier, nearest_to_barrier
+from flocking.engine.exact.crossings.coincidences import short_passage
+from flocking.engine.exact.crossings.images import linked_paths
 from flocking.engine.exact.crossings.switching import Crossing, LinkState
 from flocking.engine.exact.dynamics import Dynamics
 from flocking.engine.exact.failures import held_back, link_lost
+from flocking.engine.exact.narrow_features import AIMED
 from flocking.errors import StepTooSmall
 
 SHORTENED = 0.25
@@ -21,6 +24,15 @@ SHORTEST = 64 * float(np.finfo(float).eps)
 
 RETRIES = 30
 """Number of retries, each four times smaller."""
+
+
+def _share_before_passage(dynamics: Dynamics, segment: Segment) -> float:
+    """The fraction of a step before two linked agents pass each other and return unseen; 1 where none do."""
+    if not dynamics.pointed:
+        return 1.0
+    motion, pairs = segment.motion(dynamics.n, dynamics.m, dynamics.order), dynamics.linked_pairs()
+    x = float(short_passage(*linked_paths(dynamics.scenario.space, motion, *pairs), len(pairs[0])))
+    return AIMED * x if x <= 1.0 else 1.0
 
 
 def found_step(
@@ -82,7 +94,7 @@ def found_step(
         if change is not None and change < 1.0:
             segment, crossings = segment.cut(change), []
         lost = links.lost_link(crossings, dynamics.barriers)
-        share = dynamics.allowed_share(segment, links)
+        share = min(dynamics.allowed_share(segment, links), _share_before_passage(dynamics, segment))
         kept = float(stepper.tolerance[dynamics.motion_size])
         jumped = ledger is not None and lost is None and share >= 1 and jumps_barrier(dynamics, segment, ledger, kept)
         if lost is None and share >= 1 and not jumped:

@@ -6,8 +6,9 @@ import numpy as np
 
 from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.exact.companion import SAFETY
-from flocking.engine.exact.crossings.switch_numbers import pair_speed
+from flocking.engine.exact.crossings.switch_numbers import DIFFERENCED, pair_speed
 from flocking.engine.exact.crossings.switching import Crossing, LinkState
+from flocking.engine.exact.crossings.view_guards import ViewGuard
 from flocking.engine.exact.origin import Origin
 from flocking.engine.exact.recorder import ExactRecorder
 from flocking.engine.exact.solution_error import SolutionError
@@ -44,10 +45,16 @@ def write_rows(recorder: ExactRecorder, rows: Array, links: LinkState, origin: O
 
 
 def _across_border(
-    pair: tuple[int, int], distance: float, watch: int, segment: Segment, links: LinkState, error: SolutionError
+    pair: tuple[int, int],
+    distance: float,
+    watch: int,
+    segment: Segment,
+    links: LinkState,
+    error: SolutionError,
+    late: float,
 ) -> tuple[float, float, float] | None:
     """How fast an agent leaves a field of view across its sides, negative when it comes in, with the size of the motion
-    and the error of the speed; None for other switches, and where nothing moved before.
+    and the error of the speed, at a time with the error ``late``; None for others, and where nothing moved before.
     """
     view = links.view_of(watch)
     if view is None or not segment.t1 > segment.t0:
@@ -62,7 +69,17 @@ def _across_border(
     if known.lost or not distance > 0.0:
         return -rate, size, np.inf
     off = SAFETY * abs(other - rate) + 2.0 * known.p_floor + known.q_floor * size / distance
+    off += abs(_change_of_border_speed(pair, segment, view)) * late
     return -rate, size, off if np.isfinite(off) else np.inf
+
+
+def _change_of_border_speed(pair: tuple[int, int], segment: Segment, view: ViewGuard) -> float:
+    """Rate of change, at the end of a step, of the speed at which an agent crosses a side of a field of view."""
+    span = DIFFERENCED * (segment.t1 - segment.t0)
+    before, rate = (
+        view.border_speed(pair, *segment.with_slope(t))[1] for t in (segment.t1 - span, segment.t1)
+    )  # fmt: skip
+    return (rate - before) / span
 
 
 def write_switch(
@@ -105,7 +122,9 @@ def write_switch(
         speed, size = pair_speed(d, v)
         kind = "kink" if watch.kind == "kink" else "break" if near[i, j] else "appear"
         errors = error.crossing(crossing, k, speed, segment, links)
-        across = _across_border((int(i), int(j)), float(np.linalg.norm(d)), crossing.watch, segment, links, error)
+        across = _across_border(
+            (int(i), int(j)), float(np.linalg.norm(d)), crossing.watch, segment, links, error, errors[0]
+        )
         if across is not None:
             speed, size, errors = across[0], across[1], (errors[0], across[2])
         slow = is_tangential(speed, size)

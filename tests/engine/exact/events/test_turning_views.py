@@ -14,7 +14,7 @@ import flocking as fk
 from flocking.arrays import Array, Links
 from flocking.engine.c_export.exported_law import exported_law
 from flocking.engine.driver.nodes import simulate_nodes
-from flocking.errors import FlockingError, InvalidInput
+from flocking.errors import Chattering, FlockingError, InvalidInput
 from flocking.model.bodies.body import MotionSymbols
 from flocking.study.scenario_files.scenario_file import parse_scenario, scenario_to_text
 from tests.engine.exact.events.loose_tolerances import difference_within_errors
@@ -230,10 +230,9 @@ def test_replacements_keep_what_agents_see() -> None:
     assert (other.state.links == (seen(scenario, now.q, turned["heading"]) >= 0)).all()
 
 
-def test_whoever_cannot_follow_headings_refuses_them_by_name() -> None:
+def test_processes_of_agents_refuse_headings_that_turn_by_name_and_exports_take_them() -> None:
     scenario = robots(0).with_(control=fk.Held(0.1), information=fk.Messages(0.1))
-    with pytest.raises(FlockingError, match="does not know the heading of bodies"):
-        exported_law(scenario)
+    assert exported_law(scenario).heading
     with pytest.raises(FlockingError, match="that look along their headings"):
         simulate_nodes(scenario, processes=False)
 
@@ -285,3 +284,30 @@ def test_a_view_that_all_but_reaches_an_agent_is_in_doubt_for_no_longer_than_the
     longest = 3.0 * np.sqrt(2.0 * error / (np.sin(half) / 2.0))
     assert run.accuracy.frames[-1, 1] <= 4.0 * 1.1 * force * longest + 1e-6
     assert run.accuracy.frames[-1, 1] >= force * np.sqrt(error)
+
+
+@pytest.mark.parametrize("column", ["heading", "p"])
+def test_stated_errors_of_speeds_at_the_sides_of_views_cover_those_of_a_tight_run(column: str) -> None:
+    checked = 0
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        angles, n = rng.uniform(-np.pi, np.pi, 6), 6
+        start = fk.State(rng.uniform(0, 2.5, (n, 2)), rng.normal(size=(n, 2)),
+                         columns={"heading": np.stack([np.cos(angles), np.sin(angles)], axis=1)})  # fmt: skip
+        # Strong forces turn velocities out of view again.
+        strength = 1.0 if column == "heading" else 0.05
+        terms = [fk.Consensus(0.6 * strength), fk.Gradient(fk.Potential("k*exp(-r**2)", k=strength))]
+        law = fk.Law(fk.FieldOfView(1.8, 1.1, column), terms)
+        made = fk.Scenario(law, start, t_end=1.5, frames=4, bodies=fk.Unicycle(0.15), tolerance=1e-6)
+        try:
+            run, tight = (fk.simulate(x, progress=False).switches for x in (made, made.with_(tolerance=3e-14)))
+        except Chattering:
+            continue
+        order = ["i", "j", "kind", "time"]
+        run, tight = np.sort(run, order=order), np.sort(tight, order=order)
+        if run[order[:3]].tolist() != tight[order[:3]].tolist():
+            continue
+        late = np.abs(run["speed"] - tight["speed"])
+        assert (late <= run["speed_error"] + tight["speed_error"]).all()
+        checked += len(run)
+    assert checked > 20

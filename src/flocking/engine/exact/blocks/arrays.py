@@ -87,8 +87,8 @@ class Watches(NamedTuple):
         Narrow features of the potentials, rows (from, to, width), and the graphs they belong to.
     graphs
         Number of graphs.
-    singular, timed
-        Whether a potential is infinite at zero, and whether the law depends on time.
+    singular, pointed, timed
+        Whether a potential is infinite at zero, whether one has a slope there, and whether the law depends on time.
     """
 
     pairs: PairWatches
@@ -98,6 +98,7 @@ class Watches(NamedTuple):
     owners: Indices
     graphs: int
     singular: bool
+    pointed: bool
     timed: bool
 
 

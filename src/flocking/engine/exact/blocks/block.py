@@ -196,6 +196,7 @@ def take_block(
         dynamics.zone_graphs,
         len(links.graphs),
         dynamics.singular,
+        dynamics.pointed,
         precision.timed,
     )
     limits = Limits(

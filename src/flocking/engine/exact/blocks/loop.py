@@ -50,6 +50,7 @@ from flocking.engine.exact.blocks.tried_steps import (
     try_step,
 )
 from flocking.engine.exact.companion import LOST, summary
+from flocking.engine.exact.crossings.coincidences import comes_to_one_point
 from flocking.engine.exact.crossings.nearby_pairs import note_displacements
 from flocking.engine.exact.extremes import References, StepErrors, StepTimes, add_unexplained, follow_extremes
 from flocking.engine.kernels.law_kernels import CompiledLaw
@@ -112,6 +113,11 @@ def step_block(
         due = frames_due(records.frame_times, shown, stop)
         room = due <= records.frames.shape[0]
         if not room or not leaves_no_doubt(watches, switched, solution, work, count, pairs, q_floor):
+            return taken, rows, shown, OPEN, count
+        linked = law.pairs.offsets[watches.graphs]
+        if watches.pointed and comes_to_one_point(
+            work.motion.positions, work.motion.far, law.pairs.senders, law.pairs.sensed, linked, pairs
+        ):
             return taken, rows, shown, OPEN, count
         jumping = False
         if count > 0:

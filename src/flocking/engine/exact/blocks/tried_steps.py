@@ -32,6 +32,7 @@ from flocking.engine.exact.blocks.arrays import (
 )
 from flocking.engine.exact.companion import NODES, SLOWER, companion_gap, compare, unexplained_energy
 from flocking.engine.exact.crossings.ball_guards import find_ball_crossings, largest_radius, level_slack
+from flocking.engine.exact.crossings.coincidences import short_passage
 from flocking.engine.exact.crossings.guards import deepest_dip_of, find_crossings
 from flocking.engine.exact.crossings.nearby_pairs import require_pairs
 from flocking.engine.exact.crossings.switching import TIE
@@ -262,6 +263,10 @@ def is_sound(law: CompiledLaw, watches: Watches, limits: Limits, stop: float, so
             motion.positions, motion.far, pairs.senders, pairs.sensed, pairs.offsets, watches.zones, watches.owners
         )
         if share < 1.0:
+            return False
+    if watches.pointed:
+        pairs, linked = law.pairs, law.pairs.offsets[watches.graphs]
+        if short_passage(motion.positions, motion.far, pairs.senders, pairs.sensed, linked) <= 1.0:
             return False
     energy, tail = energy_at(law, limits, stop, new, found), new.shape[0] - LEDGER
     dissipated, supplied = new[tail + 1] - y[tail + 1], new[tail + 2] - y[tail + 2]
