@@ -107,6 +107,34 @@ def test_a_refused_value_does_not_stay(page, tab):
     tab.shot("refused")
 
 
+def test_fields_show_the_number_that_holds_after_what_is_none(page, tab):
+    """A browser empties a field of what is no number, of one that is too large, too."""
+    field, speed = tab.control("gain").locator("input[type=number]"), tab.tab.locator("#speed")
+    holds = speed.input_value()
+    for text in ("", "1e400"):
+        for shown, value in ((field, "1"), (speed, holds)):
+            shown.click()
+            shown.press("Control+a")
+            shown.press("Delete")
+            tab.tab.keyboard.type(text)
+            shown.press("Enter")
+            tab.tab.locator("#canvas").focus()
+            assert shown.input_value() == value
+    speed.fill("-5")
+    speed.press("Enter")
+    tab.reads(re.compile("Not possible: .*speed"))
+    tab.wait(lambda: speed.input_value() == holds, "the speed that holds is shown again")
+    assert (gain(page), str(page.clock.speed).removesuffix(".0")) == (1.0, holds)
+
+
+def test_two_runs_are_not_compared_for_an_empty_field(page, tab):
+    tab.open("compare")
+    tab.tab.locator("#dialog [data-value]").fill("")
+    tab.tab.locator("#dialog [data-go]").click()
+    tab.reads("the value must be a number")
+    assert len(page.clock.experiments) == 1
+
+
 def test_a_formula_is_typed_its_curve_redrawn_and_its_error_shown_in_place(page, tab):
     area = tab.tab.locator(".pot").first
     field, use, fault = (

@@ -99,6 +99,7 @@ export class Dialogs {
     fill();
     this.box.querySelector("[data-go]").onclick = async () => {
       try {
+        if (value.value === "") throw "compare: the value must be a number"; // an empty field would count as 0
         await this.link.ask("compare", { path: numbers[which.value].path, value: Number(value.value) }, true);
         this.box.close();
       } catch (reason) {

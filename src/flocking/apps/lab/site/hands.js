@@ -2,7 +2,7 @@
 
 import { Keys } from "./keys.js";
 import { fragment } from "./law.js";
-import { short } from "./numbers.js";
+import { short, whenNumber } from "./numbers.js";
 import { inside } from "./scene.js";
 import { escaped } from "./timeline.js";
 
@@ -231,7 +231,7 @@ export class Hands {
       <label>kick by <input type="number" step="any" min="0" value="${this.speed ?? 1}" aria-label="Kick speed" style="width:5em"></label>
       <button data-do="kick">kick</button><button data-do="kill">remove</button><button data-do="cut">cut links</button><button data-do="clear">clear</button>`;
     const speed = box.querySelector("input");
-    speed.onchange = () => (this.speed = Number(speed.value));
+    const holds = whenNumber(speed, (value) => holds((this.speed = value)));
     const act = {
       kick: () => this.event({ kind: "kick", agents, speed: Number(speed.value), seed: Math.floor(Math.random() * 1e6) }),
       kill: () => this.event({ kind: "kill", agents }),

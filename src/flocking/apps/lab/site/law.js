@@ -1,7 +1,7 @@
 // The law beside its picture: the formula, the potentials with their curves, and a control for every parameter.
 
 import { pairDistances } from "./frames.js";
-import { short, timeText } from "./numbers.js";
+import { short, timeText, whenNumber } from "./numbers.js";
 import { escaped } from "./timeline.js";
 
 const BINS = 40;
@@ -171,9 +171,8 @@ export class LawPanel {
     const field = fragment('<input type="number" step="any">').firstChild;
     if (setting.kind === "count") {
       field.step = 1;
-      field.onchange = () => send(Math.round(Number(field.value)));
       row.append(document.createElement("span"), field);
-      return (value) => (field.value = value);
+      return whenNumber(field, (value) => send(Math.round(value)));
     }
     const range = fragment('<input type="range">').firstChild;
     range.setAttribute("aria-label", `${setting.label}, slider`);
@@ -185,12 +184,13 @@ export class LawPanel {
     };
     // A value that comes back while the slider is moved, by keys too, is that of an earlier move: it is shown only after.
     let held = null, moving = 0;
+    const typed = whenNumber(field, send);
     const show = (value) => {
       held = value;
       if (moving || range.matches(":active")) return;
       if (value > Number(range.max) || value < Number(range.min)) widen(value);
       range.value = value;
-      field.value = Number(value.toPrecision(6));
+      typed(Number(value.toPrecision(6)));
     };
     const moved = () => {
       clearTimeout(moving);
@@ -208,7 +208,6 @@ export class LawPanel {
       widen(Number(range.value));
       moved();
     };
-    field.onchange = () => Number.isFinite(Number(field.value)) && field.value !== "" && send(Number(field.value));
     row.append(range, field);
     return show;
   }

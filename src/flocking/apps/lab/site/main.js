@@ -69,7 +69,7 @@ link.on("law", (message) => {
 });
 link.on("curves", (message) => law.curves(message));
 link.on("values", (message) => law.values(message.values));
-link.on("speed", (message) => (at("speed").value = message.speed));
+link.on("speed", (message) => timeline.showSpeed(message.speed));
 link.on("aim", () => {
   scene.past = [];
   scene.gripped = null;
@@ -111,7 +111,10 @@ link.on("opening", ({ name }) => {
   opening = setInterval(say, 500);
 });
 link.on("told", ({ message }) => show("message", message));
-link.on("refused", (message) => show("message", `Not possible: ${message.message}`, true, !link.connected));
+link.on("refused", (message) => {
+  timeline.showSpeed(); // the one that holds, where another was refused
+  show("message", `Not possible: ${message.message}`, true, !link.connected);
+});
 
 let hiding = null;
 // A lasting text stands until another one does.

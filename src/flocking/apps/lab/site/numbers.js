@@ -14,3 +14,16 @@ export function short(x) {
   const size = Math.abs(x);
   return size >= 1e5 || size < 1e-3 ? x.toExponential(2) : String(Number(x.toPrecision(4)));
 }
+
+// Send what is typed into a field where it is a number; else show again the one that holds, which the returned
+// function is told: browsers empty a field of what is none.
+export function whenNumber(field, send) {
+  let holds = field.value;
+  field.onchange = () => {
+    if (field.value !== "" && Number.isFinite(Number(field.value))) send(Number(field.value));
+    else field.value = holds;
+  };
+  return (value = holds) => {
+    field.value = holds = value;
+  };
+}

@@ -1,6 +1,6 @@
 // The timeline: play and scrub, a strip for every claim, and the curves that share its axis.
 
-import { short, timeText } from "./numbers.js";
+import { short, timeText, whenNumber } from "./numbers.js";
 
 const NAMES = { energy: "energy", departed: "departed energy", "velocity spread": "velocity spread", connectivity: "connectivity" };
 const ROUNDING = 1e-9; // of recorded times, as a share of the axis
@@ -41,7 +41,7 @@ export class Timeline {
     p.step.onclick = () => this.link.send("step", { duration: (this.end - this.first) / 100 });
     at("restart").onclick = () => this.link.send("restart");
     at("reset").onclick = () => this.link.send("reset");
-    p.speed.onchange = () => this.link.send("speed", { speed: Number(p.speed.value) });
+    this.showSpeed = whenNumber(p.speed, (speed) => this.link.send("speed", { speed }));
     for (const area of [p.strips, p.curves]) {
       area.addEventListener("pointerdown", (event) => this.press(event, area));
       area.addEventListener("pointermove", (event) => event.buttons && this.held && this.seek(event));
@@ -58,7 +58,7 @@ export class Timeline {
     this.challenges = message.challenges;
     this.first = message.start;
     this.end = message.end;
-    this.parts.speed.value = message.speed;
+    this.showSpeed(message.speed);
     this.opened = null;
     this.stored = null;
   }
