@@ -230,3 +230,18 @@ def test_claims_come_out_as_expected(name: str) -> None:
     reports = [audit(fk.simulate(paper.scenarios()[name](seed), progress=False), claims) for seed in seeds]
     for judgement in judge(claims, reports):
         assert judgement.as_expected, (judgement.claim.key, judgement.verdict, judgement.worst.note)
+
+
+@pytest.mark.parametrize(("t_end", "why"), [(3.0, "has yet to pass obstacle"), (12.0, "is beside obstacle")])
+def test_what_obstacles_do_to_a_flock_is_open_until_all_have_passed_them(t_end, why):
+    run = fk.simulate(paper.scenario(seed=0).with_(t_end=t_end), progress=False)
+    found = {result.claim.key: result for result in fk.audit(run).results}
+    for key in ("quasi-flock", "split", "rejoin", "squeeze"):
+        assert str(found[key].verdict) == "not yet", key
+        assert why in found[key].note, key
+
+
+def test_what_has_happened_among_obstacles_stays_so():
+    run = fk.simulate(paper.scenario(seed=0).with_(t_end=20.0), progress=False)
+    found = {result.claim.key: str(result.verdict) for result in fk.audit(run).results}
+    assert [found[key] for key in ("split", "squeeze", "rejoin")] == ["holds", "holds", "not yet"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -16,6 +17,8 @@ from flocking.study.evidence import Evidence, NotResolvable
 
 BETWEEN = 10
 """Number of interpolated points between two frames."""
+AHEAD = 200
+"""Number of places, half the range of an obstacle apart, at which agents are looked at that keep their velocities."""
 
 
 def _terms(run: Run) -> list[ObstacleTerm]:
@@ -86,8 +89,30 @@ def splits(e: Evidence) -> Measure:
     return happens(above(most - before, 0.5, f"{before} flocks before the obstacles, {most} among them"))
 
 
-@about(Subject.CONNECTIVITY)
+@about(Subject.CONNECTIVITY, at_end=True)
 def rejoins(e: Evidence) -> Measure:
     """Number of flocks at the end, against the largest number while obstacles were active."""
     _, most, after = flock_counts(e)
     return happens(above(most - after, 0.5, f"{most} flocks among the obstacles, {after} at the end"))
+
+
+@lru_cache(maxsize=1)
+def yet_to_pass(e: Evidence) -> str:
+    """Which agent is beside an obstacle at the end, or will be if it keeps its velocity; empty where none is."""
+    t, fastest = float(e.t[-1]), float(np.linalg.norm(e.p[-1], axis=1).max())
+    for term in _terms(e.run):
+        step = term.range / (2 * fastest) if fastest > 0.0 else 0.0
+        for k, obstacle in enumerate(term.obstacles):
+            for after in step * np.arange(AHEAD if step else 1):
+                near = obstacle.distance(e.q[-1] + after * e.p[-1], t + float(after)) <= term.range
+                if near.any():
+                    where = "has yet to pass" if after else "is beside"
+                    return f"at the end agent {int(np.argmax(near))} {where} obstacle {k + 1}"
+    return ""
+
+
+def once_passed(e: Evidence, measured: Measure) -> Measure:
+    """What was ``measured`` of a passage of obstacles, left open while one is to come, unless it has happened."""
+    if measured.somewhere and measured.holds:
+        return measured
+    return replace(measured, unsettled=measured.unsettled or yet_to_pass(e))

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from flocking.engine.runs.run import Run
 from flocking.model.leaders_and_obstacles.obstacles import Ball
-from flocking.papers.obstacle_passages import between_frames, obstacles_of
+from flocking.papers.obstacle_passages import between_frames, obstacles_of, once_passed, rejoins, splits
 from flocking.papers.olfati_saber_2003 import system
+from flocking.study.claims.claim import Measure
+from flocking.study.claims.subjects import Subject, about
+from flocking.study.evidence import Evidence
 
 
 def gap_width() -> float:
@@ -39,3 +44,15 @@ def through_gap(run: Run) -> int:
     crossed = (x[:-1] < low[0]) & (x[1:] >= low[0])
     between = (y[:-1] > low[1] + low[2]) & (y[:-1] < high[1] - high[2])
     return int((crossed & between).any(axis=0).sum())
+
+
+@about(Subject.CONNECTIVITY)
+def splits_net(e: Evidence) -> Measure:
+    """The same as `splits`, left open while obstacles are ahead."""
+    return once_passed(e, splits(e))
+
+
+@about(Subject.CONNECTIVITY, at_end=True)
+def rejoins_behind(e: Evidence) -> Measure:
+    """The same as `rejoins`, left open while obstacles are ahead: those who rejoin among them may part again."""
+    return once_passed(e, replace(rejoins(e), everywhere=False, somewhere=False))

@@ -160,21 +160,21 @@ def few_collisions(e: Evidence) -> Measure:
     return below(0.0, most + 0.5, f"no pair collides: closest {found.distance:.3g}, at most {most} pairs allowed")
 
 
-@about(Subject.CONNECTIVITY)
+@about(Subject.CONNECTIVITY, at_end=True)
 def one_flock(e: Evidence) -> Measure:
     """Number of flocks at the end."""
     count = flocks(e.end_links)
     return Measure(1.5 - count, 0.0, f"{count} flocks at the end", everywhere=False)
 
 
-@about(Subject.CONNECTIVITY)
+@about(Subject.CONNECTIVITY, at_end=True)
 def several_flocks(e: Evidence) -> Measure:
     """Number of flocks at the end, against one."""
     count = flocks(e.end_links)
     return Measure(count - 1.5, 0.0, f"{count} flocks at the end", everywhere=False)
 
 
-@about(Subject.NET)
+@about(Subject.NET, at_end=True)
 def quasi_lattice(e: Evidence) -> Measure:
     """Deviation energy at the end."""
     _need_distance(e)
@@ -184,7 +184,7 @@ def quasi_lattice(e: Evidence) -> Measure:
     return Measure(measured.margin, 0.0, measured.note, everywhere=False)
 
 
-@about(Subject.SPREAD)
+@about(Subject.SPREAD, at_end=True)
 def aligned_at_end(e: Evidence) -> Measure:
     """Velocity mismatch at the end, by the square of the speed of the gamma-agent."""
     if not len(e.t):

@@ -139,14 +139,14 @@ def _late(e: Evidence, series: Array) -> Array:
     return np.asarray(series[e.t >= start])
 
 
-@about(Subject.SPREAD)
+@about(Subject.SPREAD, at_end=True)
 def polarised(e: Evidence) -> Measure:
     """Mean polarisation over the last quarter of the run, against one half."""
     late = float(_late(e, np.array([order_of(p) for p in e.p])).mean())
     return above(late, HALF_ORDER, f"mean polarisation over the last quarter is {late:.3g}")
 
 
-@about(Subject.CLOSEST)
+@about(Subject.CLOSEST, lasting=True)
 def apart(e: Evidence) -> Measure:
     """Smallest distance of two agents at the frames after the first, against that of touching bodies."""
     e.need_few()
@@ -158,7 +158,7 @@ def apart(e: Evidence) -> Measure:
     return above(least, TOUCHING, f"smallest distance at the frames {least:.3g}")
 
 
-@about(Subject.CLOSEST)
+@about(Subject.CLOSEST, at_end=True)
 def birds_apart(e: Evidence) -> Measure:
     """Smallest distance of two agents at the last frame, against that below which birds separate."""
     e.need_few()
@@ -168,7 +168,7 @@ def birds_apart(e: Evidence) -> Measure:
     return above(least, system.BIRD_SEPARATION, f"smallest distance at the end {least:.3g}")
 
 
-@about(Subject.CONNECTIVITY)
+@about(Subject.CONNECTIVITY, at_end=True)
 def one_flock(e: Evidence) -> Measure:
     """Number of groups at the last frame, against one."""
     e.need_few()
@@ -178,7 +178,7 @@ def one_flock(e: Evidence) -> Measure:
     return below(groups, 1.5, f"{groups} groups at the end")
 
 
-@about(Subject.NET)
+@about(Subject.NET, lasting=True)
 def returns(e: Evidence) -> Measure:
     """Largest distance from the origin at the frames, against twice that from which boids turn back."""
     most = float(np.linalg.norm(e.q, axis=2).max())

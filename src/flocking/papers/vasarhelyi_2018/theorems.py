@@ -64,14 +64,14 @@ def _mean(e: Evidence, name: str) -> float:
     return float(np.nanmean(_late(e, name)))
 
 
-@about(Subject.SPREAD)
+@about(Subject.SPREAD, at_end=True)
 def correlated(e: Evidence) -> Measure:
     """Mean correlation of directions within clusters, against `ORDERED`."""
     found = _mean(e, "correlation")
     return above(found, ORDERED, f"mean correlation within clusters {found:.3g}")
 
 
-@about(Subject.CLOSEST)
+@about(Subject.CLOSEST, lasting=True)
 def no_collisions(e: Evidence) -> Measure:
     """Share of pairs within the collision radius at the frames, against none."""
     if e.run.n < 2:
@@ -81,28 +81,28 @@ def no_collisions(e: Evidence) -> Measure:
     return below(found, 1.0 / pairs, f"at most {found * pairs / 2:.0f} pairs within 3 m at a frame")
 
 
-@about(Subject.NET)
+@about(Subject.NET, at_end=True)
 def confined(e: Evidence) -> Measure:
     """Mean overrun of the walls, against `OVERRUN`."""
     found = _mean(e, "overrun")
     return below(found, OVERRUN, f"mean overrun {found:.3g} m")
 
 
-@about(Subject.SPREAD)
+@about(Subject.SPREAD, at_end=True)
 def fast(e: Evidence) -> Measure:
     """Mean speed, against a share of v_flock."""
     found = _mean(e, "speed")
     return above(found, SLOWER * system.FLOCK_SPEED, f"mean speed {found:.3g} m/s")
 
 
-@about(Subject.CONNECTIVITY)
+@about(Subject.CONNECTIVITY, at_end=True)
 def connected(e: Evidence) -> Measure:
     """Mean number of agents alone, against one."""
     found = _mean(e, "disconnected")
     return below(found, 1.0, f"{found:.3g} agents alone on average")
 
 
-@about(Subject.CONNECTIVITY)
+@about(Subject.CONNECTIVITY, at_end=True)
 def together(e: Evidence) -> Measure:
     """Mean size of the smallest cluster, against a fifth of the agents."""
     found = _mean(e, "smallest")

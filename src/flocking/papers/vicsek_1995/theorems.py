@@ -203,7 +203,7 @@ def _order(e: Evidence) -> Array:
     return np.asarray(np.linalg.norm(e.p.sum(axis=1), axis=1) / lengths)
 
 
-@about(Subject.SPREAD)
+@about(Subject.SPREAD, at_end=True)
 def ordered(e: Evidence) -> Measure:
     """Mean of v_a over the last half of the run, against one half."""
     series = _order(e)

@@ -132,7 +132,7 @@ def velocities_follow(e: Evidence) -> Measure:
     return limit_of_series(e, e.t, ratios, general.SETTLED, lambda r: f"difference fell to {r:.1e} of its maximum")
 
 
-@about(Subject.LEADER)
+@about(Subject.LEADER, lasting=True)
 def mean_velocity_decays(e: Evidence) -> Measure:
     """Largest difference between the mean velocity and the closed form (34)."""
     track = tracking(e)

@@ -320,10 +320,11 @@ class Claim:
             return Verdict.NOT_RESOLVED, ""
         if doubt := self._undecided_by_samples(e, measured):
             return Verdict.NOT_RESOLVED, doubt
+        ahead = e.before_the_end if self.dynamic else ""
         if not measured.holds:
-            return Verdict.FAILS, ""
-        if self.dynamic and e.ended_early:
-            return Verdict.NOT_YET, "the run ended early"
+            return (Verdict.NOT_YET, ahead) if ahead and not self.about.lasting else (Verdict.FAILS, "")
+        if ahead and (e.ended_early or self.about.at_end):
+            return Verdict.NOT_YET, ahead
         if self.dynamic and (foreign := self._foreign(e)):
             return Verdict.NOT_RESOLVED, foreign
         return Verdict.HOLDS, ""

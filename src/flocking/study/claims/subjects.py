@@ -66,6 +66,8 @@ class About:
         Whether theorems conclude it only for graphs that stay connected.
     with_errors
         Whether its measure has the errors of the motion, or needs none: else they are added where a run states none.
+    at_end
+        Whether it is about the end of the scenario: before it what is true of one moment is not decided.
     """
 
     subject: Subject = Subject.NET
@@ -73,6 +75,7 @@ class About:
     lasting: bool = False
     while_connected: bool = False
     with_errors: bool = False
+    at_end: bool = False
 
 
 Measuring = TypeVar("Measuring", bound=Callable[..., object])
@@ -80,16 +83,16 @@ Measuring = TypeVar("Measuring", bound=Callable[..., object])
 
 def about(
     subject: Subject, witness: Finder | None = None, *, lasting: bool = False, while_connected: bool = False,
-    with_errors: bool = False,
+    with_errors: bool = False, at_end: bool = False,
 ) -> Callable[[Measuring], Measuring]:  # fmt: skip
     """Decorator that declares what the statement measured by a function is about; see `About`.
 
     Parameters
     ----------
-    subject, witness, lasting, while_connected, with_errors
+    subject, witness, lasting, while_connected, with_errors, at_end
         As in `About`.
     """
-    properties = About(subject, witness, lasting, while_connected, with_errors)
+    properties = About(subject, witness, lasting, while_connected, with_errors, at_end)
 
     def declare(measure: Measuring) -> Measuring:
         setattr(measure, ATTRIBUTE, properties)

@@ -181,6 +181,16 @@ class RunEvidence:
         return not self.run.finished and not self.is_running
 
     @property
+    def before_the_end(self) -> str:
+        """Why the end of the scenario is not seen, where the run ended early or still goes on; empty where it is."""
+        if self.ended_early:
+            return "the run ended early"
+        end, begin = self.run.scenario.t_end, self.run.scenario.start.t
+        if not self.is_running or not len(self.t) or self.t[-1] >= end:
+            return ""
+        return f"the scenario goes on until t = {time_text(end, begin, end, 6)}"
+
+    @property
     def switches_known(self) -> bool:
         """Whether every switch of a link is recorded; else links are known at the frames only."""
         return not self.law.graph.moves or self.fidelity.switches_located

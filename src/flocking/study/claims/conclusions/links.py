@@ -150,7 +150,7 @@ def crossings_transversal(e: Evidence) -> Measure:
     return above(slowest, 0.0, note, error if error > 0 else 0.0)
 
 
-@about(Subject.CONNECTIVITY, _split_at_start, with_errors=True)
+@about(Subject.CONNECTIVITY, _split_at_start, with_errors=True, lasting=True)
 def starts_connected(e: Evidence) -> Measure:
     """Whether the graph is connected at the start."""
     holds = e.connected_at_start
