@@ -147,6 +147,8 @@ def test_numbers_that_are_not_known_are_null_in_json(tmp_path, capsys) -> None:
 def test_frames_within_one_step_may_be_missing_from_what_is_stored(tmp_path: Path) -> None:
     stopped = dataclasses.replace(finished(), status="interrupted at t = 2")
     write_run(stopped.cut(20), tmp_path / "run")
-    assert "holds it up to its last commit; " in _where_stored(stopped, tmp_path / "run")
+    frames, last = len(stopped.t), stopped.t[19]
+    said = f"holds it up to its last commit, with 20 of {frames} frames, until t = {last:.4g}; "
+    assert said in _where_stored(stopped, tmp_path / "run")
     write_run(stopped, tmp_path / "whole")
     assert "holds it; " in _where_stored(stopped, tmp_path / "whole")

@@ -169,8 +169,15 @@ def _where_stored(result: Run, out: Path | None) -> str:
         return "without --out nothing is stored."
     from flocking.engine.runs.run import FRAMES
     from flocking.engine.storage.record import read_provenance, read_record
+    from flocking.formula.safe_digits import time_text
 
     # Several frames may lie within one step.
-    frames = FRAMES in result.provenance or read_record(out)["counts"]["time"] == len(result.t)
+    count = read_record(out)["counts"]["time"]
+    frames = FRAMES in result.provenance or count == len(result.t)
     complete = frames and read_provenance(out).get("steps") == result.provenance.get("steps")
-    return f"{out} holds it{'' if complete else ' up to its last commit'}; 'flocking resume {out}' continues it."
+    until = "" if complete else " up to its last commit"
+    if not frames and 0 < count < len(result.t):
+        scenario = result.scenario
+        until += f", with {count} of {len(result.t)} frames, until t = "
+        until += time_text(result.t[count - 1], scenario.start.t, scenario.t_end)
+    return f"{out} holds it{until}; 'flocking resume {out}' continues it."
