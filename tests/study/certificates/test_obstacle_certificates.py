@@ -64,7 +64,7 @@ def test_the_approach_of_held_forces_is_that_of_parabolas():
     places = (1.0 - 2.0 * t + t**2)[:, None, None] * np.array([1.0, 0.0])
     speeds = (2.0 * t - 2.0)[:, None, None] * np.array([1.0, 0.0])
     run = SimpleNamespace(
-        t=t, q=places, p=speeds, n=1, fine=None, scenario=thrown(1.0), accuracy=None, trace=ledger_of([])
+        t=t, q=places, p=speeds, n=1, fine=None, scenario=thrown(1.0), accuracy=None, trace=ledger_of([]), provenance={}
     )
     least, error = nearest_obstacle(run, [WALL])[:2]
     assert least == pytest.approx(0.0, abs=1e-9)

@@ -136,6 +136,53 @@ def test_an_agent_of_order_1_with_held_velocities_that_is_back_at_every_frame_is
     assert verdict(fk.simulate(scenario.with_(frames=81), progress=False))[0] == "fails"
 
 
+def jumping(gain: float, agents: object, **world: object) -> fk.Scenario:
+    """One agent about a place where an obstacle is, and another one that goes slowly far away."""
+    pull = fk.Track(fk.Sink([0.0, 0.0]), np.array([gain, 0.1]), 0.0)
+    law = fk.Law(fk.Proximity(2.0), [pull, blind(fk.Ball([0.0, 0.0], 0.3))])
+    start = fk.State([[1.0, 0.0], [9.0, 9.0]], np.zeros((2, 2)))
+    return fk.Scenario(law, start, t_end=4.0, frames=21, agents=agents, **world)
+
+
+ONE_SAMPLE = {"information": fk.Messages(0.1, self_known="measured")}
+
+
+@pytest.mark.parametrize("world", [{"control": fk.Held(0.1)}, ONE_SAMPLE], ids=["held", "own sample"])
+def test_a_velocity_that_turns_round_once_between_two_frames_is_not_overlooked(world) -> None:
+    """Of gain 2/period agents of order 1 are on the other side after a period, and back after two."""
+    scenario = jumping(20.0, fk.SingleIntegrator(), **world)
+    run = fk.simulate(scenario, progress=False)
+    assert np.ptp(run.q[:, 0], axis=0).max() < 1e-9
+    assert verdict(run)[0] == "not resolved"
+    assert verdict(fk.simulate(scenario.with_(frames=41), progress=False))[0] != "holds"
+    assert verdict(fk.simulate(scenario.with_(frames=401), progress=False))[0] == "fails"
+    away = scenario.with_(start=fk.State([[1e-3, 5.0], [9.0, 9.0]]), law=jumping(0.1, fk.SingleIntegrator()).law)
+    assert verdict(fk.simulate(away.with_(frames=41), progress=False))[0] == "holds"
+
+
+def test_velocities_set_at_ticks_that_bring_agents_back_at_every_frame_are_not_taken_for_rest() -> None:
+    sway = Path(["-w*sin(w*t)", "0"], [1.0, 0.0], w=2.0 * np.pi)
+    terms = [fk.Track(sway, np.array([100.0, 0.1]), np.array([20.0, 0.1]), np.array([1.0, 0.0]))]
+    start = fk.State([[1.0, 0.0], [9.0, 9.0]], [[0.0, 0.0], [1.0, 0.0]])
+    law = fk.Law(fk.Proximity(2.0), [*terms, blind(fk.Ball([0.0, 0.0], 0.3))])
+    scenario = fk.Scenario(
+        law, start, t_end=8.0, frames=9, agents=fk.Impulsive(), control=fk.Held(0.02),
+    )  # fmt: skip
+    assert verdict(fk.simulate(scenario, progress=False))[0] == "not resolved"
+    assert verdict(fk.simulate(scenario.with_(frames=401), progress=False))[0] == "fails"
+    beside = fk.Law(fk.Proximity(2.0), [*terms, blind(fk.Ball([0.0, 3.0], 0.3))])
+    for frames, expected in ((401, "holds"), (201, "holds"), (101, "not resolved")):
+        run = fk.simulate(scenario.with_(law=beside, frames=frames), progress=False)
+        assert verdict(run)[0] == expected
+
+
+def test_an_agent_that_is_back_at_every_frame_after_the_end_of_the_ledger_is_not_taken_to_have_stayed() -> None:
+    scenario = jumping((2.0 * np.pi) ** 2, fk.PointMass(), control=fk.Held(0.01)).with_(frames=5)
+    run = fk.simulate(scenario, progress=False)
+    ended = {**run.provenance, "ledger ends": 0.0}
+    assert verdict(replace(run, trace=run.trace[:1], provenance=ended))[0] == "not resolved"
+
+
 class Swelling(fk.Ball):
     """A ball whose radius grows: it does not rest in the frame of its leader."""
 

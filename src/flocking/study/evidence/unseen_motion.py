@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from flocking.arrays import Array
 from flocking.engine.protocol.body_chains import has_energy_of_points
 from flocking.engine.runs.run import Run
+from flocking.model.world.control import Held
+from flocking.model.world.times import NANOSECOND
 from flocking.study.message_logs.recorded_motion import RecordedMotion
 
 SEEN = 1e-6
@@ -16,6 +20,10 @@ curves may be off: more than errors of the steps and of rounding in single preci
 STEPS = 8
 """Steps between two frames above which agents of order 1 may have turned there and back. Around a circle adaptive steps
 are more, at tolerances of 1e-6 or less; steps that end at a switch do not count."""
+
+TICKS = 2
+"""Ticks from one frame to before the next up to which velocities that are set at ticks follow from the two frames: that
+of the last part is known, that of the first one too where the frame is no tick, and the places fix the other."""
 
 FARTHEST = 1.25
 """Largest distance of an agent from the cubic curve through two frames, over its largest speed times the time between
@@ -56,7 +64,9 @@ def unseen(run: Run) -> Array:
     any estimate of what they miss is 0. But with given ends, at rest in them relative to the mean motion, its kinetic
     energy in between is larger than that of the curve, of all agents together too. The ledger has it at every step.
 
-    Agents of order 1 have none: between two frames there may be few steps, see `STEPS`.
+    Agents of order 1 have none: between two frames there may be few steps, see `STEPS`. Where their velocity is held,
+    or what they know jumps, one instant between two frames is enough to go there and back. Velocities that are set at
+    ticks leave no energy either, see `TICKS`. After the end of a ledger nothing is known.
 
     Parameters
     ----------
@@ -67,9 +77,13 @@ def unseen(run: Run) -> Array:
     times = np.asarray(run.trace["time"], dtype=np.float64)
     inside = np.flatnonzero((times > run.t[0]) & (times < run.t[-1]))
     agents = run.scenario.agents
+    if agents.discrete:
+        return np.asarray(_instants(run, "left") > TICKS)
     if agents.order == 1:
         steps = np.setdiff1d(times[inside], run.switches["time"])
-        return np.asarray(np.histogram(steps, bins=np.asarray(run.t, dtype=np.float64))[0] > STEPS)
+        often = np.histogram(steps, bins=np.asarray(run.t, dtype=np.float64))[0] > STEPS
+        return np.asarray(often | (_instants(run, "right") > 0))
+    found[np.asarray(run.t[1:]) > (times[-1] if len(times) else -np.inf)] = "ledger ends" in run.provenance
     if not has_energy_of_points(agents):
         return found
     motion, energy, start = RecordedMotion(run), run.scenario.energy, run.scenario.start
@@ -95,3 +109,32 @@ def unseen(run: Run) -> Array:
         missed = np.abs(known - kinetic) > most + SEEN * (known + kinetic)
         found[np.searchsorted(run.t, times[rows][missed], side="right") - 1] = True
     return found
+
+
+def _instants(run: Run, side: Literal["left", "right"]) -> Array:
+    """Largest number of instants between two frames at which a velocity of one agent may jump, shape (F - 1,).
+
+    They are the ticks of held control, without latency, or the acts of the log. They are compared in whole nanoseconds.
+
+    Parameters
+    ----------
+    run
+        The run.
+    side
+        ``"left"`` where an instant at the first of two frames counts, ``"right"`` where it does not.
+    """
+    start, control = run.scenario.start, run.scenario.control
+    frames = np.round((np.asarray(run.t, dtype=np.float64) - start.t) / NANOSECOND)
+    if isinstance(control, Held):
+        schedule, late = control.schedule(run.n), control.latencies(run.n)
+        found = np.zeros(len(frames) - 1)
+        for period, first in {*zip(schedule.period.tolist(), (schedule.phase + late).tolist(), strict=True)}:
+            # Numbers of the first tick that is not before a frame, and of the first one after it.
+            at, after = np.ceil((frames - first) / period), np.floor((frames - first) / period) + 1.0
+            begin = at[:-1] if side == "left" else after[:-1]
+            found = np.maximum(found, np.maximum(at[1:], 0.0) - np.maximum(begin, 0.0))
+        return found
+    if run.log is None:
+        return np.zeros(len(frames) - 1)
+    acts = np.unique(run.log.ticks[:, 0])
+    return np.asarray(np.searchsorted(acts, frames[1:], side="left") - np.searchsorted(acts, frames[:-1], side=side))
