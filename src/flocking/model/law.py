@@ -26,7 +26,7 @@ from flocking.model.parts.registration import register_part
 from flocking.model.scenario_numbers import checked_end, checked_frames, checked_tolerance
 from flocking.model.scenario_world import ScenarioWorld
 from flocking.model.space import OPEN, Space
-from flocking.model.space_checks import check_acting
+from flocking.model.space_checks import check_acting, check_kept_clear
 from flocking.model.state import Agents, State
 from flocking.model.symmetries import SYMMETRIES
 from flocking.model.terms.balances import check_body_term, check_pair_term
@@ -257,8 +257,7 @@ class Scenario(ScenarioCell, ScenarioWorld):
     InvalidInput
         When parts disagree in number of agents or dimensions, times are out of order, links of the start are not
         mutual under an undirected graph, two agents coincide under a potential that is singular there, or the law
-        cannot act in the space, see
-        `flocking.model.space_checks.check_acting`.
+        cannot act in the space, see `flocking.model.space_checks`.
     """
 
     law: Annotated[Law, Nested("law", inline=True)]
@@ -303,6 +302,7 @@ class Scenario(ScenarioCell, ScenarioWorld):
         object.__setattr__(self, "start", self._with_all_columns())
         self.law.check_count(self.start.n, self.start.dimension)
         check_acting(self.law, self.space, self.agents, self.start)
+        check_kept_clear(self.space, self.control, self.start.dimension)
         if self.start.links is not None:
             check_mutual(self.law.graph, self.start.links)
         self._check_coincidence()

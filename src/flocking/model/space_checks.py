@@ -19,6 +19,8 @@ from flocking.model.state import State
 from flocking.model.terms.avoidance import ObstacleTerm
 from flocking.model.terms.body_terms import BodyTerm
 from flocking.model.terms.steering import Steering
+from flocking.model.world.control import Control
+from flocking.model.world.safety_filters import SafetyFilter
 
 
 class ActingLaw(Protocol):
@@ -56,6 +58,34 @@ def check_acting(law: ActingLaw, space: Space, bodies: Body, start: State) -> No
     check_space(space, law.graphs, law.body_terms, start.dimension)
     check_steering(space, law.steering_terms, bodies)
     check_views(law.graphs, bodies, start)
+
+
+def check_kept_clear(space: Space, control: Control, dimension: int) -> None:
+    """Check that a safety filter can keep agents clear of its obstacles in a space.
+
+    Parameters
+    ----------
+    space
+        The space of the agents.
+    control
+        When they act, and behind which filter.
+    dimension
+        Number of axes m.
+
+    Raises
+    ------
+    InvalidInput
+        When a filter has obstacles and space repeats, or one has another number of axes.
+    """
+    for obstacle in control.obstacles if isinstance(control, SafetyFilter) else ():
+        if obstacle.dimension != dimension:
+            raise InvalidInput("SafetyFilter", "obstacles", f"must have {dimension} dimensions each", obstacle)
+        if not space.is_open:
+            raise InvalidInput(
+                "Scenario", "space",
+                "must be open for obstacles of a SafetyFilter, which stand at fixed places and have no images",
+                type(space).__name__, "Leave the obstacles out, or use Open().",
+            )  # fmt: skip
 
 
 def check_views(graphs: Iterable[Graph], bodies: Body, start: State) -> None:

@@ -139,3 +139,21 @@ def test_times_that_round_to_zero_are_no_part_of_a_summary():
     assert fk.Messages(0.1, delay=4e-10, phase=1e-12).summary == fk.Messages(0.1).summary
     assert fk.Held(0.1, latency=6e-10).summary == "control held for 0.1, acting 6e-10 later"
     assert fk.Messages(0.1, jitter=6e-10).summary == "messages every 0.1, 0 to 6e-10 late"
+
+
+def test_obstacles_of_a_safety_filter_need_open_space_of_their_dimensions() -> None:
+    """They have no images: agents would pass through them, one length further."""
+    law = fk.Law(fk.Proximity(1.0), [fk.Consensus(1.0)])
+    start = fk.State([[5.0, 5.0]], [[-2.0, 0.0]])
+
+    def behind(*obstacles: fk.Obstacle) -> fk.Scenario:
+        control = fk.SafetyFilter(0.1, distance=0.5, acceleration=2.0, form="stopping", obstacles=obstacles)
+        return fk.Scenario(law, start, t_end=1.0, control=control)
+
+    kept = behind(fk.Ball([9.5, 5.0], 0.5))
+    with pytest.raises(fk.InvalidInput, match="must be open for obstacles of a SafetyFilter"):
+        kept.with_(space=fk.Periodic([10.0, 10.0]))
+    assert behind().with_(space=fk.Periodic([10.0, 10.0])).space == fk.Periodic([10.0, 10.0])
+    for wrong in (fk.Ball([0.0], 1.0), fk.Wall([0.0, 0.0, 0.0], [1.0, 0.0, 0.0])):
+        with pytest.raises(fk.InvalidInput, match="must have 2 dimensions each"):
+            behind(wrong)
