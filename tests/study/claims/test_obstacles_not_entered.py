@@ -85,7 +85,10 @@ def test_an_obstacle_that_dashes_through_an_agent_between_two_frames_is_not_over
     found = Evidence(run := fk.simulate(scenario, progress=False)).nearest_obstacle
     assert found.at_samples == pytest.approx(4.5)
     assert found.distance - found.error < -1.0
-    assert verdict(run)[0] == "not resolved"
+    said, note = verdict(run)
+    assert said == "not resolved"
+    assert note.startswith("closest 4.5 to an obstacle at frames; between them ")
+    assert " is possible, at t = " in note
 
 
 @pytest.mark.parametrize("turns", [1, 18])

@@ -170,7 +170,8 @@ class Accuracy:
     Parameters
     ----------
     frames
-        Estimated error of any position and of any velocity at each frame, shape (F, 2).
+        Estimated error of any position and of any velocity at each frame, shape (F, 2). At a frame before a switch, by
+        less than the error of its time, the true motion may have switched already: that is not in it.
     doubts
         Switches that the error leaves open, fields `DOUBT_FIELDS`.
     largest

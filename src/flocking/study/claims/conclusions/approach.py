@@ -74,6 +74,10 @@ def outside_obstacles(e: Evidence) -> Measure:
     note = f"closest {found.distance:.4g} to an obstacle"
     if found.distance < found.at_samples:
         note += f"; at frames {found.at_samples:.4g}"
+        if found.error >= abs(found.distance):
+            # What agents could have done between frames is no measurement.
+            seen, possible = f"{found.at_samples:.4g} to an obstacle at frames", f"{found.distance:.4g} is possible"
+            note = f"closest {seen}; between them {possible}"
     return above(found.distance, 0.0, f"{note}, {where}", found.error)
 
 
