@@ -12,10 +12,9 @@ from flocking.engine.adaptive_steps.limit_crossings import HeldNumbers
 from flocking.engine.adaptive_steps.segment import Segment
 from flocking.engine.adaptive_steps.state_tolerances import counted, natural_sizes
 from flocking.engine.adaptive_steps.state_vectors import component_tolerances, further_columns, joined
-from flocking.engine.exact.crossings.coincidences import is_pointed
 from flocking.engine.exact.crossings.images import linked_paths
 from flocking.engine.exact.crossings.switching import LinkState
-from flocking.engine.exact.narrow_features import allowed_by_obstacles, allowed_share, zones_of
+from flocking.engine.exact.narrow_features import allowed_by_obstacles, allowed_share, is_pointed, zones_of
 from flocking.engine.kernels.codegen import compiled_kernels
 from flocking.engine.kernels.law_kernels import CompiledLaw, LawKernels, Pairs, Slots, stages
 from flocking.engine.kernels.layout import Layout

@@ -53,6 +53,15 @@ def sliding(time: float, agents: tuple[int, ...]) -> Chattering:
     )  # fmt: skip
 
 
+def together(time: float, agents: tuple[int, ...]) -> Chattering:
+    """The error for ``agents`` that pass each other at ``time`` again and again at one point."""
+    return Chattering(
+        "Two agents stay at one point, where their force has no direction and turns round as they pass (a Filippov "
+        "sliding mode). Use a potential whose slope is 0 at distance 0, such as sqrt(r**2 + a**2) in place of r.",
+        time=time, agents=agents,
+    )  # fmt: skip
+
+
 def infinite_at_once(time: float, agents: tuple[int, ...]) -> NotFinite:
     """The error for a link of ``agents`` that appears, at ``time``, at a distance where its energy is infinite."""
     return NotFinite(

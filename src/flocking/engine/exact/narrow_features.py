@@ -69,6 +69,12 @@ SAMPLES = 64
 """Samples of a pair along a step."""
 
 
+POINTED = 1e-6
+"""Force near distance 0, as a share of that at other distances, from which on it has no limit of zero there."""
+
+NEAR, FURTHER = 1e-9, np.array([0.1, 0.3, 0.6, 0.9])
+"""Distances, as shares of the reach, at which these forces are."""
+
 _known: dict[object, Array] = {}
 """Zones of the formulas so far, by formula, numbers and borders."""
 
@@ -328,3 +334,26 @@ def _basis(x: Array) -> Array:
     """Bernstein polynomials of degree 7 at some points, shape (points, 8)."""
     k = np.arange(8)
     return np.asarray([comb(7, int(a)) * x**a * (1 - x) ** (7 - a) for a in k]).T
+
+
+def is_pointed(shape: Callable[..., Sequence[float]] | None, parameters: Sequence[object], reach: float) -> bool:
+    """Whether the force of a pair has a limit other than zero at distance 0.
+
+    Parameters
+    ----------
+    shape
+        Formulas of the pair, see `flocking.engine.kernels.codegen`; the first is the force along the line between them.
+    parameters
+        Their parameters.
+    reach
+        Distance at which the first piece of the formulas ends; may be infinite.
+    """
+    if shape is None:
+        return False
+    size = reach if np.isfinite(reach) else 1.0
+    try:
+        found = [abs(float(shape(r, r, r, *parameters)[0])) for r in size * np.concatenate([[NEAR], FURTHER])]
+    except (ValueError, ArithmeticError, TypeError):
+        return False
+    known = [x for x in found[1:] if np.isfinite(x)]
+    return bool(np.isfinite(found[0]) and found[0] > POINTED * max(known, default=0.0))

@@ -14,7 +14,7 @@ from flocking.engine.exact.companion import (
     companion_gap,
     unexplained_energy,
 )
-from flocking.engine.exact.crossings.coincidences import kick_of, pairs_at_one_point, passage
+from flocking.engine.exact.crossings.coincidences import Passages, kick_of
 from flocking.engine.exact.crossings.images import nearest_shift
 from flocking.engine.exact.crossings.obstacle_approaches import ObstacleStep
 from flocking.engine.exact.crossings.switch_numbers import beyond_level, radial_motion, switch_errors
@@ -79,6 +79,7 @@ class SolutionError:
         self._doubts = Doubts()
         if memory is not None:
             self._doubts.recall(memory.doubts)
+        self._passages = Passages(dynamics)
         self._jump: tuple[float, Array] | None = None
         self._explained: tuple[Segment, float] | None = None
         self._foreseen: tuple[Segment, Difference, StateError] | None = None
@@ -173,7 +174,7 @@ class SolutionError:
         self._recorder.extremes.follow(segment, links.links[0], error, origin, links.space, nearby)
         self._recorder.extremes.add_to_ledger(segment, self._unexplained(segment), origin.time)
         self._settle(self._doubts.follow(segment, links, error), segment, links)
-        self._look_at_passages(segment)
+        self._look_at_passages(segment, left=True)
         links.leave(segment, segment.motion(*self._sizes, self._dynamics.order))
 
     def _unexplained(self, segment: Segment) -> float:
@@ -196,19 +197,13 @@ class SolutionError:
                 gaps.append(companion_gap(*found, dissipated, supplied))
             return float(unexplained_energy(*gaps))
 
-    def _look_at_passages(self, segment: Segment) -> None:
+    def _look_at_passages(self, segment: Segment, *, left: bool = False) -> None:
         """Take in what is open where two agents pass each other at one point, or may turn back there."""
-        dynamics, order, error = self._dynamics, self._dynamics.order, self.over(segment)
-        if self.known_until < np.inf or not dynamics.pointed:
-            return
-        motion, velocities = segment.motion(*self._sizes, order), self._velocities(segment)
-        for pair in pairs_at_one_point(dynamics.scenario.space, motion, *dynamics.linked_pairs(), error.pairs):
-            errors = error.pair(*pair[:2]), error.pair_velocity(*pair[:2], velocities)
-            if (found := passage(segment, pair, (*self._sizes, order), errors, dynamics.accelerations)) is None:
-                continue
+        error, order = self.over(segment), self._dynamics.order
+        for found in self._passages.on(segment, error, self._velocities(segment), left=left):
             if found.undecided:
                 self._companion.lose(found.time)
-            elif found.passed:
+            elif found.passed and not error.lost:
                 self._companion.push(kick_of(found, segment.t1 - segment.t0, order, self.difference.nodes[-1]))
 
     def _settle(self, settled: list[Settled], segment: Segment, links: LinkState) -> None:

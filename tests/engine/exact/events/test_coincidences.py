@@ -7,6 +7,7 @@ import pytest
 
 import flocking as fk
 from flocking.engine.exact.session import ExactOptions, ExactSession
+from flocking.errors import Chattering
 
 STIFFNESS = 1.5
 RATE = np.sqrt(2 * STIFFNESS)
@@ -131,3 +132,30 @@ def test_errors_of_many_motions_on_a_line_are_covered(lengths: list[float] | Non
     # At 1e-5 the differences are no longer small.
     assert max(ratios) <= 1.2
     assert np.quantile(ratios, 0.95) <= 0.5
+
+
+@pytest.mark.parametrize("dimension", [1, 2])
+def test_agents_that_stay_at_one_point_end_the_run(dimension: int) -> None:
+    """Each drives towards the other at speed 1, from a distance of 1, until both are at one point."""
+    start = fk.State(np.array([[0.0, 0.2], [1.0, 0.2]])[:, :dimension], np.zeros((2, dimension)))
+    law = fk.Law(fk.Fixed.complete(2), [fk.Gradient(fk.Potential("r"))])
+    with pytest.raises(Chattering, match="stay at one point, where their force has no direction") as stopped:
+        fk.simulate(fk.Scenario(law, start, t_end=2.0, frames=21, bodies=fk.SingleIntegrator()), progress=False)
+    assert stopped.value.agents in ((0, 1), (1, 0))
+    assert stopped.value.time == pytest.approx(0.5, abs=1e-4)
+    run = stopped.value.run
+    assert run is not None
+    assert run.t[-1] == pytest.approx(0.5)
+    np.testing.assert_allclose(run.q[:, 1, 0] - run.q[:, 0, 0], 1.0 - 2.0 * run.t, atol=1e-8)
+
+
+@pytest.mark.slow
+def test_agents_that_pass_through_each_other_many_times_go_on() -> None:
+    """A pair on a string of constant pull: passages at 300 instants of a parabola."""
+    start = fk.State([[0.0], [1.0]], [[0.0], [0.0]])
+    law = fk.Law(fk.Fixed.complete(2), [fk.Gradient(fk.Potential("r"))])
+    run = fk.simulate(fk.Scenario(law, start, t_end=600.0, frames=301), progress=False)
+    assert run.finished
+    # From rest at distance 1 it takes a unit of time to distance 0: back at rest at even times, on alternate sides.
+    expected = np.where(np.arange(301) % 2 == 0, 1.0, -1.0)
+    assert np.abs(run.q[:, 1, 0] - run.q[:, 0, 0] - expected).max() < 1e-3
