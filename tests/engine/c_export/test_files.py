@@ -1,5 +1,6 @@
 """The exported files, what is refused by name, and the command."""
 
+import re
 import subprocess
 
 import numpy as np
@@ -195,6 +196,31 @@ def test_the_readme_says_every_number_or_names_its_table():
     assert "Largest force: 1.23456789123;" in files["README.md"]
     three = scenario(agents=fk.Agents([1.0, 2.0, 3.5]))
     assert "| mass | 1.0, 2.0, 3.5, of agents 0 to 2 |" in c_files(three)["README.md"]
+
+
+@pytest.mark.parametrize(
+    ("given", "said"), [(3.0, "3.0 times the mass"), ([3.0, 3.0, 4.0], "the mass times the largest")]
+)
+def test_the_readme_counts_obstacles_of_a_filter_and_says_how_large_its_force_is(given, said):
+    held = [fk.Ball([50.0, 50.0], 1.0), fk.Wall([-5.0, 0.0], [1.0, 0.0])]
+    behind = fk.SafetyFilter(0.1, distance=0.5, acceleration=given, form="stopping", obstacles=held)
+    text = c_files(scenario(control=behind))["README.md"]
+    assert "\n2 obstacles or eight corrections" in text
+    assert f"Largest force: {said}" in text
+    assert "Largest force: none." in c_files(scenario())["README.md"]
+
+
+@pytest.mark.parametrize("column", ["heading", "axis_1", "p"])
+def test_the_readme_says_which_part_of_a_body_is_read(column):
+    """The direction along which agents look is an argument: it does not count among what the source leaves out."""
+    m, body = (3, fk.Quadrotor()) if column == "axis_1" else (2, fk.Unicycle(0.1))
+    start = fk.State(np.arange(2.0 * m).reshape(2, m), np.zeros((2, m)))
+    made = fk.Scenario(law_of(fk.Consensus(), graph=FieldOfView(2.0, 1.0, column)), start, 1.0, agents=body)
+    text = c_files(made)["README.md"]
+    left_out = re.search(r"besides \(([\w, ]+)\) is not read", text)
+    names = left_out.group(1).split(", ") if left_out else []
+    assert set(names) == {x.name for x in body.columns} - {column}
+    assert (f"Its {column} is read as the argument `heading`." in text) == (column != "p")
 
 
 def test_the_readme_says_how_often_a_filter_halves():

@@ -126,16 +126,28 @@ def readme(law: ExportedLaw, name: str, used: set[str], sources: dict[str, str],
     receiver = f"used up to an age of {law.expires} ns" if law.expires is not None else "used at any age"
     receiver += ", and moved on with their velocity" if law.predict else ", and held as they were sent"
     limit = "none" if law.limit is None else f"{law.limit!r}; longer forces are scaled back"
+    if law.filter is not None:
+        most = np.asarray(law.filter.acceleration, dtype=np.float64)
+        limit = (
+            f"{float(most)!r} times the mass, by the safety filter"
+            if most.ndim == 0
+            else "the mass times the largest acceleration of each agent, by the safety filter"
+        )
     parts = (scenario.agents, scenario.information, scenario.control)
     world = "; ".join(part.summary for part in parts if not part.ideal)
     world = (
         f"\nOf the world of the scenario ({world}) the source has what this page states, and no more." if world else ""
     )
-    beside = ", ".join(column.name for column in scenario.agents.columns)
-    if beside:
+    columns = [column.name for column in scenario.agents.columns]
+    if columns:
+        read = [name for name in columns if name in body_directions(scenario.law.graphs)]
+        beside = ", ".join(name for name in columns if name not in read)
+        statement = f" Its {read[0]} is read as the argument `{HEADING}`." if read else ""
+        if beside:
+            statement += f" What{' else' if read else ''} a body has besides ({beside}) is not read."
         world += (
-            f"\nAgents are {type(scenario.agents).__name__}: q and p are those of the point on which the law acts, the "
-            f"force is that on it, and what a body has besides ({beside}) is not read. The vehicle moves by that."
+            f"\nAgents are {type(scenario.agents).__name__}: q and p are those of the point on which the law acts, and "
+            f"the force is that on it.{statement} The vehicle moves by that."
         )
     latest = max(abs(scenario.start.t), abs(scenario.t_end))
     coarse = (
@@ -147,10 +159,12 @@ def readme(law: ExportedLaw, name: str, used: set[str], sources: dict[str, str],
     title = " ".join(scenario.name.replace("`", "'").split()) or "a flock"
     rounded = ", to which the declared numbers below are rounded" if single else ""
     halvings = (
-        f"; the safety filter halves numbers up to {(SINGLE if single else DOUBLE).halvings} times"
+        f"; the safety filter halves numbers up to {(SINGLE if single else DOUBLE).halvings} times, and goes through "
+        "one condition for each neighbour and each obstacle"
         if law.filter is not None
         else ""
     )
+    obstacles = sum(count for _, count in law.ranges) + (len(law.filter.obstacles) if law.filter is not None else 0)
     rule = ""
     if scenario.agents.discrete:
         rule = (
@@ -176,7 +190,7 @@ States of neighbours are {receiver}. Largest force: {limit}.{world}
 
 Build it with `{FLAGS}`, without `-ffast-math`: the results are then the same bits on every processor that follows
 IEEE 754. There is no heap, no library of mathematics, and every loop ends after at most {law.neighbours} neighbours,
-{sum(count for _, count in law.ranges)} obstacles or eight corrections of a root{halvings}.
+{obstacles} obstacles or eight corrections of a root{halvings}.
 
 ## Calls
 
