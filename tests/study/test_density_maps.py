@@ -70,6 +70,28 @@ def test_senseless_maps_are_refused(q, change):
         density_map(q, **({"low": (0, 0), "high": (1, 1), "cell": 0.1} | change))
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"low": [0.0]}, "low must be two numbers"), ({"high": [1.0, 2.0, 3.0]}, "high must be two numbers"),
+        ({"cell": 1e10}, None), ({"high": [1e300, 1.0], "cell": 1e300}, "cell must have an area"),
+        ({"high": [1e-200, 1e-200], "cell": 1e-200}, "cell must have an area"),
+        ({"blur": 1e300}, "blur must reach over at most"), ({"cell": 1e-9}, "cell must give at most"),
+        ({"low": [1e18, 0.0], "high": [1e18 + 2048.0, 2.0]}, "cell must be at least 128, by which coordinates"),
+        ({"high": [1e6, 1.0], "space": fk.Periodic([1e-6, 1.0])}, "space must have at most 50000000 images"),
+        ({"space": fk.Periodic([1e-320, 1.0])}, "space must have at most 50000000 images"),
+    ],
+)  # fmt: skip
+def test_maps_of_extreme_sizes_are_refused_before_they_take_memory_or_overflow(change, said):
+    given = {"low": [0.0, 0.0], "high": [2.0, 2.0], "cell": 1.0} | change
+    if said is None:
+        assert density_map(np.zeros((2, 2)), **given).values.shape == (1, 1)
+        return
+    with pytest.raises(InvalidInput, match=said):
+        density_map(np.zeros((2, 2)), **given)
+
+
 @pytest.mark.parametrize("lengths", [(3.0, 4.0), (3.0, None)], ids=["both", "one"])
 @pytest.mark.parametrize("blur", [0.0, 0.4])
 def test_where_space_repeats_every_image_counts(lengths, blur):

@@ -41,6 +41,17 @@ def test_nobody_near_gives_no_order():
     assert count.tolist() == [0, 0]
 
 
+def test_images_of_one_place_are_no_neighbours_where_space_repeats():
+    """Whole lengths are added with a rounding, whose direction is none."""
+    space, rng = fk.Periodic([4.7, 6.1]), np.random.default_rng(0)
+    for _ in range(50):
+        place = rng.uniform(0.0, 4.0, 2)
+        q = np.array([place, place, place, place + [0.3, 0.4]]) + np.array(space.lengths) * rng.integers(-9, 9, (4, 2))
+        order, count = hexatic(q, 1.0, space)
+        assert count.tolist() == [1, 1, 1, 3]
+        assert order == pytest.approx(np.full(4, ((3 + 4j) / 5) ** 6), abs=1e-12)
+
+
 def test_a_map_means_over_cells_and_fills_gaps_from_the_nearest():
     q = np.array([[0.5, 0.5], [0.6, 0.5], [2.5, 0.5]])
     order = np.array([1.0, 1j, -1.0])

@@ -26,6 +26,9 @@ ROUNDING = 1e-9
 """Part of a cell by which a map may exceed a number of cells without another one, and by which agents below the border
 of a cell are in the one above it."""
 
+MOST_IMAGES = 50_000_000
+"""Most images of agents that are looked at, a bound on memory: 800 MB of positions."""
+
 
 @dataclass(frozen=True, eq=False)
 class DensityMap:
@@ -72,31 +75,48 @@ def density_map(
     Raises
     ------
     InvalidInput
-        When agents or space are not in the plane, a number is not finite, the map has no area, or it would have too
-        many cells with those around it that smoothing reaches.
+        When agents or space are not in the plane, a number is not finite, the map has no area, it would have too many
+        cells with those around it that smoothing reaches, or show too many images of agents, or cells are smaller
+        than the rounding of coordinates, or too small or large for their area.
     """
     q = array("density_map", "q", q, ndim=2)
     if q.shape[1] != 2:
         raise InvalidInput("density_map", "q", "must have shape (N, 2)", q.shape)
     if len(space.lengths) not in (0, 2):
         raise InvalidInput("density_map", "space", "lengths must be 2, one for each axis", list(space.lengths))
-    corner, size = array("density_map", "low", low, ndim=1), number("density_map", "cell", cell, above=0.0)
-    counts = np.ceil((array("density_map", "high", high, ndim=1) - corner) / size - ROUNDING)
-    if counts.shape != (2,) or (counts < 1).any():
+    blur = number("density_map", "blur", blur, least=0.0)
+    corner, upper_right = (array("density_map", name, x, ndim=1) for name, x in (("low", low), ("high", high)))
+    for name, found in (("low", corner), ("high", upper_right)):
+        if found.shape != (2,):
+            raise InvalidInput("density_map", name, "must be two numbers", found.tolist())
+    size = number("density_map", "cell", cell, above=0.0)
+    if not np.finfo(np.float64).tiny <= size * size < np.inf:
+        raise InvalidInput("density_map", "cell", "must have an area that is a floating-point number", cell)
+    if size < (rounding := float(np.spacing(max(np.abs(corner).max(), np.abs(upper_right).max())))):
+        raise InvalidInput(
+            "density_map", "cell", f"must be at least {rounding:.3g}, by which coordinates of the corners are rounded",
+            cell, "Take larger cells, or move agents and corners to the origin.",
+        )  # fmt: skip
+    if (upper_right <= corner).any():
         raise InvalidInput("density_map", "high", "must lie above and to the right of low", high)
-    if counts.prod() > MOST_CELLS:
+    with np.errstate(over="ignore"):
+        counts = np.maximum(np.ceil((upper_right - corner) / size - ROUNDING), 1.0)
+        most = counts.prod()
+        around = np.ceil(REACH * blur / size) if blur > 0 else 0.0
+        reached = (counts + 2.0 * around).prod()
+    if most > MOST_CELLS:
         raise InvalidInput("density_map", "cell", f"must give at most {MOST_CELLS} cells", cell, "Take larger cells.")
-    columns, rows = (int(k) for k in counts)
-    upper = corner + size * counts
     # Agents around the map are counted too: smoothing carries some of them over the border.
-    rim = int(np.ceil(REACH * blur / size)) if number("density_map", "blur", blur, least=0.0) > 0 else 0
-    begin, end = corner - rim * size, upper + rim * size
-    cells = np.array([columns, rows]) + 2 * rim
-    if cells.prod(dtype=np.float64) > MOST_CELLS:
+    if reached > MOST_CELLS:
         raise InvalidInput(
             "density_map", "blur", f"must reach over at most {MOST_CELLS} cells, those around the map included", blur,
             "Take larger cells.",
         )  # fmt: skip
+    columns, rows = (int(k) for k in counts)
+    upper = corner + size * counts
+    rim = int(around)
+    begin, end = corner - rim * size, upper + rim * size
+    cells = np.array([columns, rows]) + 2 * rim
     shown = _images(q, space, begin, end, ROUNDING * size)
     # Rounding puts images of one agent on the same side of the borders of cells.
     place = np.floor((shown - begin) / size + ROUNDING)
@@ -144,7 +164,24 @@ def _images(q: Array, space: Space, low: Array, high: Array, rounding: float) ->
     """Images of agents, among them all between two corners, shape (K, 2); none on the upper ends of axes that repeat.
 
     An agent there has an image on the lower end of the same map, or of the next one.
+
+    Raises
+    ------
+    InvalidInput
+        When there are more than `MOST_IMAGES`.
     """
+    with np.errstate(over="ignore"):
+        boxes = [
+            np.ceil(high[k] / length) - np.floor(low[k] / length) + 1.0
+            for k, length in enumerate(space.lengths)
+            if np.isfinite(length)
+        ]
+        images = len(q) * float(np.prod(boxes))
+    if images > MOST_IMAGES:
+        raise InvalidInput(
+            "density_map", "space", f"must have at most {MOST_IMAGES} images of agents on the map", f"{images:.3g}",
+            "Take a smaller map: after the lengths of space it repeats.",
+        )  # fmt: skip
     found = space.wrapped(q)
     for k, length in enumerate(space.lengths):
         if np.isfinite(length):

@@ -13,6 +13,10 @@ from flocking.errors import InvalidInput
 from flocking.model.checks import Array, array, number
 from flocking.model.space import OPEN, Space
 
+ROUNDINGS = 4.0
+"""Roundings of the largest coordinate by which images of one place may differ: that of each, and of their difference
+less a number of lengths."""
+
 
 def neighbour_pairs(q: Array, reach: float, space: Space = OPEN) -> NDArray[np.int64]:
     """Pairs of agents no farther apart than ``reach``, each once, shape (K, 2).
@@ -57,7 +61,7 @@ def hexatic(q: Array, reach: float, space: Space = OPEN) -> tuple[NDArray[np.com
 
     Its size is 1 in a perfect triangular lattice and falls at grain boundaries, defects and edges; its angle over 6
     is the direction of the lattice, modulo 60 degrees. Agents at the same place have no direction to each other, and
-    are no neighbours.
+    are no neighbours; where space repeats, to the rounding of images.
 
     Parameters
     ----------
@@ -83,7 +87,12 @@ def hexatic(q: Array, reach: float, space: Space = OPEN) -> tuple[NDArray[np.com
         raise InvalidInput("hexatic", "q", "must have shape (N, 2)", q.shape)
     pairs, n = neighbour_pairs(q, number("hexatic", "reach", reach, above=0.0), space), len(q)
     offset = space.displacement(q[pairs[:, 1]] - q[pairs[:, 0]])
-    elsewhere = np.any(offset, axis=1)
+    # Images of one place differ by the rounding of whole lengths: that has no direction.
+    rounding = np.zeros(2)
+    for k, length in enumerate(space.lengths):
+        if np.isfinite(length):
+            rounding[k] = ROUNDINGS * np.spacing(max(float(np.abs(q[:, k]).max()), length))
+    elsewhere = np.any(np.abs(offset) > rounding, axis=1)
     pairs, offset = pairs[elsewhere], offset[elsewhere]
     angle = 6.0 * np.arctan2(offset[:, 1], offset[:, 0])
     # Opposite directions have the same sixth power: a pair adds the same to both.
