@@ -437,6 +437,31 @@ def test_a_wrong_heading_is_refused_and_changes_nothing(law, heading, said):
     assert not controller.links.any()
 
 
+HIDDEN = np.ma.array([1.0, 0.0], mask=[False, True])
+"""A measurement of which one component is missing; zero stands behind the mask."""
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"heading": HIDDEN}, "heading must have no masked"), ({"own_q": HIDDEN}, "own_q must have no masked"),
+        ({"own_p": HIDDEN}, "own_p must have no masked"), ({"q": HIDDEN[None]}, "q must have no masked"),
+        ({"p": HIDDEN[None]}, "p must have no masked"),
+        ({"stamps": np.ma.array([0.0], mask=[True])}, "stamps must have no masked"),
+        ({"ids": np.ma.array([1], mask=[True])}, "ids must have no masked"),
+        ({"heading": [1e308, 1e308]}, "heading must be a unit vector"),
+    ],
+)  # fmt: skip
+def test_what_stands_behind_a_mask_is_not_taken_for_measured(given, said):
+    controller = fk.Controller(FACING, agents=3)
+    call = {"own_q": [0.0, 0.0], "own_p": [0.0, 0.0], "ids": [1], "q": [[1.0, 0.0]], "p": [[0.0, 1.0]],
+            "heading": [1.0, 0.0]}  # fmt: skip
+    assert controller(0.0, **(call | {"own_q": np.ma.array([0.0, 0.0])})).tolist() == [0.0, 1.0]
+    with pytest.raises(InvalidInput, match=said):
+        controller(0.0, **(call | given))
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_robots_with_cameras_on_their_bodies_drive_as_those_of_a_run(seed):
     """The force that a run holds from tick to tick is that which each controller finds from headings at the ticks."""

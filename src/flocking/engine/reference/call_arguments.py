@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -15,6 +17,9 @@ OWNER = "Controller"
 
 def _array(parameter: str, given: object, kinds: str, rule: str) -> np.ndarray[tuple[int, ...], np.dtype[np.generic]]:
     """An array of numbers of some kinds; an empty one is of any kind."""
+    # Whatever stands behind a mask is no measured value.
+    if np.ma.is_masked(given):
+        raise InvalidInput(OWNER, parameter, "must have no masked entries", given, "Leave them out, or fill them.")
     try:
         found = np.asarray(given)
     except (TypeError, ValueError, OverflowError):
@@ -140,7 +145,7 @@ def direction(given: ArrayLike | None, m: int, column: str) -> Array:
     found = numbers("heading", given)
     if found.shape != (m,):
         raise InvalidInput(OWNER, "heading", f"must have {m} components", found.tolist())
-    if not abs(float(np.sqrt((found**2).sum())) - 1.0) <= UNIT:
+    if not abs(math.hypot(*found.tolist()) - 1.0) <= UNIT:
         raise InvalidInput(OWNER, "heading", "must be a unit vector", found.tolist())
     return found
 
