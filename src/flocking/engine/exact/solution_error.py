@@ -14,7 +14,7 @@ from flocking.engine.exact.companion import (
     companion_gap,
     unexplained_energy,
 )
-from flocking.engine.exact.crossings.coincidences import Passages, kick_of
+from flocking.engine.exact.crossings.coincidences import kick_of
 from flocking.engine.exact.crossings.images import nearest_shift
 from flocking.engine.exact.crossings.obstacle_approaches import ObstacleStep
 from flocking.engine.exact.crossings.switch_numbers import beyond_level, radial_motion, switch_errors
@@ -24,7 +24,7 @@ from flocking.engine.exact.dynamics import LEDGER, Dynamics
 from flocking.engine.exact.extremes import Extremes
 from flocking.engine.exact.origin import Origin
 from flocking.engine.exact.recorder import ExactRecorder
-from flocking.engine.exact.uncertain_switches import DoubtMemory, Doubts, Settled
+from flocking.engine.exact.uncertain_switches import DoubtMemory, Doubts, Passages, Settled
 from flocking.engine.imperfect.view_switches import crosses_radius
 from flocking.engine.runs.run import DoubtRow
 from flocking.errors import InvalidInput

@@ -1,4 +1,4 @@
-"""Switches that the integration error leaves open: shallow crossings, and pairs that nearly cross."""
+"""What the integration error leaves open: shallow crossings, pairs that nearly cross, and agents that nearly meet."""
 
 from __future__ import annotations
 
@@ -7,12 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flocking.engine.adaptive_steps.segment import ROUNDING, Segment
+from flocking.engine.adaptive_steps.state_tolerances import natural_sizes
 from flocking.engine.exact.companion import StateError
 from flocking.engine.exact.crossings.band_guards import closest_after, first_beyond, within_error
+from flocking.engine.exact.crossings.coincidences import Passage, pairs_at_one_point, passage
 from flocking.engine.exact.crossings.images import image_doubts, pair_paths
 from flocking.engine.exact.crossings.obstacle_approaches import ObstacleStep, agent_slack, recorded
 from flocking.engine.exact.crossings.switching import Crossing, LinkState, slack_of
 from flocking.engine.exact.crossings.watch_tables import near_miss_floor
+from flocking.engine.exact.dynamics import Dynamics
+from flocking.engine.exact.failures import together
 from flocking.engine.runs.run import DoubtRow
 from flocking.model.checks import Array
 
@@ -24,6 +28,12 @@ DoubtMemory = tuple[
     tuple[tuple[Key, tuple[float, float, float, bool, str, float, bool]], ...],
 ]
 """Pairs within the error of a switch, and pairs that have switched, as plain data: each its key and its fields."""
+
+STILL = 1e-6
+"""Motion between two passages, as a share of the distances of the group at the start, that counts as none."""
+
+MOST_PASSAGES = 200
+"""Number of passages in a row without a motion after which agents stay together."""
 
 LEFT = 0.99
 """Share of the error above which a pair counts as having left its neighbourhood after a switch."""
@@ -325,3 +335,61 @@ class Doubts:
         near, fresh = memory
         self.approaches = {key: Approach(*about) for key, about in near}
         self.fresh = {key: Fresh(*about) for key, about in fresh}
+
+
+class Passages:
+    """Passages of a running group; those of pairs that stay together end the run.
+
+    The last ones are not stored: a run that is resumed counts anew.
+
+    Parameters
+    ----------
+    dynamics
+        The law in force.
+    """
+
+    def __init__(self, dynamics: Dynamics) -> None:
+        self._dynamics = dynamics
+        scenario = dynamics.scenario
+        length = natural_sizes(scenario.start, scenario.t_end - scenario.start.t)[0]
+        self._still, self._fine = STILL * length, scenario.tolerance * length
+        self._last: dict[tuple[int, int], tuple[float, int]] = {}
+
+    def on(self, segment: Segment, error: StateError, velocities: Array, *, left: bool) -> list[Passage]:
+        """All passages on a step.
+
+        Parameters
+        ----------
+        segment, error
+            The step, and the errors on it.
+        velocities
+            Differences of the velocities on it, see `StateError.pair_velocity`.
+        left
+            Whether the step is left: passages count then.
+
+        Raises
+        ------
+        Chattering
+            When two agents have passed each other `MOST_PASSAGES` times in a row without moving.
+        """
+        dynamics, found = self._dynamics, []
+        if not dynamics.pointed:
+            return []
+        sizes, near = (dynamics.n, dynamics.m, dynamics.order), self._fine if error.lost else error.pairs
+        motion = segment.motion(*sizes)
+        for pair in pairs_at_one_point(dynamics.scenario.space, motion, *dynamics.linked_pairs(), near):
+            i, j, *_ = pair
+            errors = (near, 0.0) if error.lost else (error.pair(i, j), error.pair_velocity(i, j, velocities))
+            here = passage(segment, pair, sizes, errors, dynamics.accelerations)
+            if here is None:
+                continue
+            if left and here.passed and self._stay((i, j), here):
+                raise together(here.time + dynamics.base, (i, j))
+            found.append(here)
+        return found
+
+    def _stay(self, pair: tuple[int, int], here: Passage) -> bool:
+        before, count = self._last.get(pair, (-np.inf, 0))
+        count = count + 1 if (here.time - before) * here.speed <= self._still else 0
+        self._last[pair] = here.time, count
+        return count >= MOST_PASSAGES

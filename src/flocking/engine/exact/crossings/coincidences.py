@@ -14,12 +14,8 @@ import numpy as np
 
 from flocking.arrays import Array, Indices
 from flocking.engine.adaptive_steps.segment import Motion, Segment
-from flocking.engine.adaptive_steps.state_tolerances import natural_sizes
-from flocking.engine.exact.companion import StateError
 from flocking.engine.exact.crossings.guards import squared_distance
 from flocking.engine.exact.crossings.images import nearest_shift
-from flocking.engine.exact.dynamics import Dynamics
-from flocking.engine.exact.failures import together
 from flocking.engine.kernels.bernstein import NEVER, smallest_value
 from flocking.formula.native.functions import native_apart
 from flocking.model.space import Space
@@ -33,12 +29,6 @@ ROUNDED = 1e-14
 PART = 0.25
 """Part of a step for which the force may have been that of the other side: stages weigh less than all of it, and stated
 errors are `flocking.engine.exact.companion.SAFETY` times the difference."""
-
-STILL = 1e-6
-"""Motion between two passages, as a share of the distances of the group at the start, that counts as none."""
-
-MOST_PASSAGES = 200
-"""Number of passages in a row without a motion after which agents stay together."""
 
 UNDECIDED = 4.0
 """Energy of passing, in energies that the error may take or give, below which a pair may have turned back."""
@@ -205,64 +195,6 @@ def passage(
     speed = float(np.linalg.norm(speeds[j] - speeds[i]))
     undecided = speed**2 <= UNDECIDED * (kick * max(distance, bound) + 2.0 * speed * drift)
     return Passage(t, turn, speed, passed, undecided)
-
-
-class Passages:
-    """Passages of a running group; those of pairs that stay together end the run.
-
-    The last ones are not stored: a run that is resumed counts anew.
-
-    Parameters
-    ----------
-    dynamics
-        The law in force.
-    """
-
-    def __init__(self, dynamics: Dynamics) -> None:
-        self._dynamics = dynamics
-        scenario = dynamics.scenario
-        length = natural_sizes(scenario.start, scenario.t_end - scenario.start.t)[0]
-        self._still, self._fine = STILL * length, scenario.tolerance * length
-        self._last: dict[tuple[int, int], tuple[float, int]] = {}
-
-    def on(self, segment: Segment, error: StateError, velocities: Array, *, left: bool) -> list[Passage]:
-        """All passages on a step.
-
-        Parameters
-        ----------
-        segment, error
-            The step, and the errors on it.
-        velocities
-            Differences of the velocities on it, see `StateError.pair_velocity`.
-        left
-            Whether the step is left: passages count then.
-
-        Raises
-        ------
-        Chattering
-            When two agents have passed each other `MOST_PASSAGES` times in a row without moving.
-        """
-        dynamics, found = self._dynamics, []
-        if not dynamics.pointed:
-            return []
-        sizes, near = (dynamics.n, dynamics.m, dynamics.order), self._fine if error.lost else error.pairs
-        motion = segment.motion(*sizes)
-        for pair in pairs_at_one_point(dynamics.scenario.space, motion, *dynamics.linked_pairs(), near):
-            i, j, *_ = pair
-            errors = (near, 0.0) if error.lost else (error.pair(i, j), error.pair_velocity(i, j, velocities))
-            here = passage(segment, pair, sizes, errors, dynamics.accelerations)
-            if here is None:
-                continue
-            if left and here.passed and self._stay((i, j), here):
-                raise together(here.time + dynamics.base, (i, j))
-            found.append(here)
-        return found
-
-    def _stay(self, pair: tuple[int, int], here: Passage) -> bool:
-        before, count = self._last.get(pair, (-np.inf, 0))
-        count = count + 1 if (here.time - before) * here.speed <= self._still else 0
-        self._last[pair] = here.time, count
-        return count >= MOST_PASSAGES
 
 
 def kick_of(found: Passage, span: float, order: int, difference: Array) -> Array:
