@@ -149,6 +149,20 @@ def test_agents_that_stay_at_one_point_end_the_run(dimension: int) -> None:
     np.testing.assert_allclose(run.q[:, 1, 0] - run.q[:, 0, 0], 1.0 - 2.0 * run.t, atol=1e-8)
 
 
+@pytest.mark.usefixtures("how")
+@pytest.mark.parametrize("dimension", [1, 2])
+@pytest.mark.parametrize(("formula", "known"), [("(r - 1)**2/2", False), ("r**2/2", True)])
+def test_nothing_is_known_of_agents_of_order_1_that_a_force_parts_from_one_point(
+    formula: str, known: bool, dimension: int
+) -> None:
+    """A start 1e-12 beside this one ends 1/3 away from it. A force that is zero at distance 0 leaves nothing open."""
+    start = fk.State(np.array([[0.0, 0.0], [0.0, 0.0], [2.0, 0.0]])[:, :dimension], np.zeros((3, dimension)))
+    law = fk.Law(fk.Fixed.complete(3), [fk.Gradient(fk.Potential(formula))])
+    run = fk.simulate(fk.Scenario(law, start, t_end=3.0, bodies=fk.SingleIntegrator()), progress=False)
+    assert run.accuracy is not None
+    assert run.accuracy.known_until == (np.inf if known else 0.0)
+
+
 @pytest.mark.slow
 def test_agents_that_pass_through_each_other_many_times_go_on() -> None:
     """A pair on a string of constant pull: passages at 300 instants of a parabola."""

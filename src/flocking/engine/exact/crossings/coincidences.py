@@ -142,7 +142,8 @@ class Passage(NamedTuple):
     speed
         Relative speed there; of agents of order 1 before or behind it, the larger one.
     passed, undecided
-        Whether they are on the other side at the end of the step, and whether they are so slow that they may turn back.
+        Whether they are on the other side at the end of the step, and whether they are so slow that they may turn back;
+        of agents of order 1, whether they may part to either side.
     """
 
     time: float
@@ -190,7 +191,9 @@ def passage(
     turn = pulls[0] - pulls[1]
     if order == 1:
         fastest = max(float(np.linalg.norm(u[j] - u[i])) for u in pulls)
-        return Passage(t, turn, fastest, passed, False)
+        # Where controls part them on both sides, agents may leave one point to either side.
+        before, behind = (float((u[j] - u[i]) @ along) for u in pulls)
+        return Passage(t, turn, fastest, passed, before > 0.0 > behind)
     speeds, kick = y[n * m : 2 * n * m].reshape(n, m), float(np.linalg.norm(turn[j] - turn[i]))
     speed = float(np.linalg.norm(speeds[j] - speeds[i]))
     undecided = speed**2 <= UNDECIDED * (kick * max(distance, bound) + 2.0 * speed * drift)
