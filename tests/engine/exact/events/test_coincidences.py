@@ -173,3 +173,27 @@ def test_agents_that_pass_through_each_other_many_times_go_on() -> None:
     # From rest at distance 1 it takes a unit of time to distance 0: back at rest at even times, on alternate sides.
     expected = np.where(np.arange(301) % 2 == 0, 1.0, -1.0)
     assert np.abs(run.q[:, 1, 0] - run.q[:, 0, 0] - expected).max() < 1e-3
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_passages_have_the_same_bits_in_blocks_in_single_steps_and_in_pieces(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(seed)
+    graph = [fk.Fixed.complete(5), fk.Proximity(1.5), fk.Hysteresis(1.6, 0.3)][seed]
+    law = fk.Law(graph, [fk.Gradient(fk.Potential("(r - 1)**2/2")), fk.Consensus(0.3)])
+    start = fk.State(rng.uniform(0, 3, (5, 1)), rng.normal(size=(5, 1)))
+    scenario = fk.Scenario(law, start, t_end=4.0, frames=21)
+    whole, session = fk.simulate(scenario, progress=False), fk.start(scenario)
+    order = np.sign(whole.q[:, :, 0][:, :, None] - whole.q[:, :, 0][:, None])
+    assert (np.abs(np.diff(order, axis=0)) == 2).any(), "nobody passes anybody"
+    for t in np.linspace(0.1, 4.0, 17):
+        session.advance(float(t))
+    monkeypatch.setattr("flocking.engine.exact.session.take_block", lambda *_, **__: None)
+    for other in (session.run(), fk.simulate(scenario, progress=False)):
+        assert (other.q == whole.q).all()
+        assert (other.p == whole.p).all()
+        assert whole.accuracy is not None
+        assert other.accuracy is not None
+        assert (other.accuracy.frames == whole.accuracy.frames).all()
+        assert other.accuracy.known_until == whole.accuracy.known_until
