@@ -70,8 +70,8 @@ def _either_way(e: Evidence) -> str:
 
 def _when_apart(e: Evidence, lost: float, ended: str = "") -> str:
     """When the graph was disconnected, and in how many flocks it ``ended``, as that is known, in words."""
-    last = float(e.t[-1])
-    end = max(e.run.scenario.t_end, last) if e.run.finished else last
+    # A finished run may have gone on beyond its scenario, or have no frames.
+    end = float(max([e.run.scenario.t_end, *e.run.t[-1:]] if e.run.finished else e.t))
     try:
         flocks = f"; {e.flocks_at_end} flocks at the end{ended}"
     except NotResolvable:
