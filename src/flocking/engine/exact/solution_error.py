@@ -199,6 +199,8 @@ class SolutionError:
 
     def _look_at_passages(self, segment: Segment, *, left: bool = False) -> None:
         """Take in what is open where two agents pass each other at one point, or may turn back there."""
+        if not self._dynamics.pointed:
+            return
         error, order = self.over(segment), self._dynamics.order
         for found in self._passages.on(segment, error, self._velocities(segment), left=left):
             if found.undecided:

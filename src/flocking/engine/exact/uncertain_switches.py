@@ -356,7 +356,7 @@ class Passages:
         self._last: dict[tuple[int, int], tuple[float, int]] = {}
 
     def on(self, segment: Segment, error: StateError, velocities: Array, *, left: bool) -> list[Passage]:
-        """All passages on a step.
+        """All passages on a step, for a law with a force at distance 0, see `Dynamics.pointed`.
 
         Parameters
         ----------
@@ -373,8 +373,6 @@ class Passages:
             When two agents have passed each other `MOST_PASSAGES` times in a row without moving.
         """
         dynamics, found = self._dynamics, []
-        if not dynamics.pointed:
-            return []
         sizes, near = (dynamics.n, dynamics.m, dynamics.order), self._fine if error.lost else error.pairs
         motion = segment.motion(*sizes)
         for pair in pairs_at_one_point(dynamics.scenario.space, motion, *dynamics.linked_pairs(), near):
